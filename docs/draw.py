@@ -113,12 +113,12 @@ def sweep(name: str, panel: str, *columns: str, size: tuple[float, float] = (7.0
     return Picture(draw, (f"sweeps/{name}.toml", "icmj/report/maps.py", "icmj/report/style.py"))
 
 
-def follow(run: str, parameter: str, to: float, **options: object) -> icmj.Branch:
+def follow(run: str, parameter: str, to: float, **options: object) -> icmj.cycle.Branch:
     """A branch of cycles of a shipped case, on the engine unless another plant is given."""
     return icmj.follow(icmj.load_run(run), parameter, to, **{"plant": "mujoco", **options})  # type: ignore[arg-type]
 
 
-def branches(make: Callable[[], tuple[list[icmj.Branch], list[icmj.Branch]]]) -> Picture:
+def branches(make: Callable[[], tuple[list[icmj.cycle.Branch], list[icmj.cycle.Branch]]]) -> Picture:
     """The figure of some branches, above the branches of the linear plant."""
 
     def draw(to: Path) -> None:
@@ -134,7 +134,7 @@ def branches(make: Callable[[], tuple[list[icmj.Branch], list[icmj.Branch]]]) ->
     )
 
 
-def pendulum() -> tuple[list[icmj.Branch], list[icmj.Branch]]:
+def pendulum() -> tuple[list[icmj.cycle.Branch], list[icmj.cycle.Branch]]:
     """The pendulum's cycles along b: on both sides of 1, and what is born."""
     up = follow("simple-1.7", "b", 2.9, start_at=1.2)
     born = [icmj.branch_off(up, special) for special in up.specials if special.kind == "symmetry breaking"]
@@ -150,7 +150,7 @@ def pendulum() -> tuple[list[icmj.Branch], list[icmj.Branch]]:
     )
 
 
-def three_link() -> tuple[list[icmj.Branch], list[icmj.Branch]]:
+def three_link() -> tuple[list[icmj.cycle.Branch], list[icmj.cycle.Branch]]:
     """The person's cycles along b: on both sides of 1, and what is born."""
     up = follow("three-link-1.1", "b", 2.5)
     born = [icmj.branch_off(up, special) for special in up.specials if special.kind == "symmetry breaking"]
@@ -169,7 +169,7 @@ def three_link() -> tuple[list[icmj.Branch], list[icmj.Branch]]:
     )
 
 
-def threshold() -> tuple[list[icmj.Branch], list[icmj.Branch]]:
+def threshold() -> tuple[list[icmj.cycle.Branch], list[icmj.cycle.Branch]]:
     """The person's cycles along the threshold."""
     options = {"start_at": 1e-4}
     return [follow("three-link-0.9", "q_t", 1.0, **options)], [

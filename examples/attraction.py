@@ -31,7 +31,7 @@ plant = icmj.LinearPlant(
     states=("theta", "theta_rate"), inputs=("torque",), outputs=("theta", "omega"),
 )  # fmt: skip
 law = icmj.SwitchingPD(plant, "theta", "omega", P=0.25 * mgh, D=10.0, delay=0.2, slope=-0.4)
-print(icmj.rounds(plant, law).words)
+print(icmj.experiments.rounds(plant, law).words)
 
 # %%
 # Every point of the map is simulated exactly, which takes a few milliseconds.

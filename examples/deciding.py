@@ -40,7 +40,7 @@ CONTROLLERS = ("events", "clock", "predictor", "switching PD", "delayed PD")
 t_d, hold = icmj.Delay(delay), icmj.system_matched(design)
 
 
-def controller(name: str, target: icmj.Setpoint | None) -> icmj.Law:
+def controller(name: str, target: icmj.controller.Setpoint | None) -> icmj.Law:
     """The controller of this name; those that read only outputs see a target as an error of their readings."""
     if name == "predictor":
         return icmj.PredictorController(design, t_d, target)
@@ -80,7 +80,7 @@ SHORT, ISI = 0.25, (0.1, 0.15, 0.2, 0.4, 0.6, 0.9)
 
 def double_step(name: str, seed: int) -> np.ndarray:
     """Interval, RT1 and RT2 of each pair of a trial."""
-    pairs = icmj.double_steps(ISI, 1, 0.02, recovery=(2.5, 3.5), seed=seed)
+    pairs = icmj.controller.double_steps(ISI, 1, 0.02, recovery=(2.5, 3.5), seed=seed)
     model, errors = None, ()
     if "PD" in name:
         terms = tuple((-size, 0.0, 0.0, t, np.inf) for size, t in zip(pairs.sizes.flat, pairs.t.flat, strict=True))
@@ -92,7 +92,7 @@ def double_step(name: str, seed: int) -> np.ndarray:
     t = 0.02 * np.arange(len(rows))
     target = np.sum(pairs.sizes.ravel() * (t[:, None] >= pairs.t.ravel() - 1e-9), axis=1)
     series = icmj.Series(t, np.column_stack([target, rows]), ("target", "torque"), ("rad", "N m"))
-    steps = icmj.reconstruct_steps(series, "torque", pairs)
+    steps = icmj.experiments.reconstruct_steps(series, "torque", pairs)
     return np.column_stack([pairs.isi, steps.rt])
 
 

@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import icmj
-from icmj.controller.setpoint import sines
+from icmj.controller import sines
 
 parser = argparse.ArgumentParser(description="Frequency responses of continuous and intermittent control.")
 parser.add_argument("--picture", default="", help="file to write the figure to")
@@ -57,7 +57,7 @@ for name, law in rivals.items():
 # %%
 # The response of the continuous controller is also known in closed form. Sampling adds a lag of half an interval.
 omega = 2 * np.pi * np.geomspace(lines[0], lines[-1], 200)
-exact = icmj.predictor_loop(plant, continuous).response(omega)[2][:, 0, 0]
+exact = icmj.theory.predictor_loop(plant, continuous).response(omega)[2][:, 0, 0]
 figure, (gain, phase) = plt.subplots(2, 1, sharex=True, figsize=(7, 6), layout="constrained")
 gain.loglog(omega / 2 / np.pi, np.abs(exact), "k-", lw=1, label="continuous predictor, exact")
 phase.semilogx(omega / 2 / np.pi, np.degrees(np.unwrap(np.angle(exact))), "k-", lw=1)

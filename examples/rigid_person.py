@@ -67,12 +67,12 @@ curve.legend(frameon=False)
 for (name, law), colour in zip(CONTROLLERS.items(), ("#0072b2", "#d55e00"), strict=True):
     for which, of in PLANTS.items():
         run = icmj.simulate_plant(of, law, settings)
-        force = icmj.force_angle(icmj.ground_force(body, run), "force.x", "force.z")
+        force = icmj.experiments.force_angle(icmj.engine.ground_force(body, run), "force.x", "force.z")
         t = np.arange(10.0, 130.0, 0.01)
         values = np.column_stack([np.interp(t, force.t, column) for column in force.values.T])
         force = icmj.Series(t - t[0], values, force.names, force.units)
         for window, line in ((5.12, "-"), (20.48, ":")):
-            found = icmj.intersection_point(
+            found = icmj.experiments.intersection_point(
                 force, "force_angle", "cop.x", height=height, window=window, band=(0.1, 8.0)
             )
             off = 100 * (found.ratio / mechanics(found.frequency) - 1)

@@ -15,8 +15,6 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 import icmj
-from icmj.engine.reaction import reaction
-from icmj.study.kind import sample_rows
 
 SEEDS, SETTLE, RATE = range(3), 10.0, 100.0
 examples = Path(__file__).resolve().parent if "__file__" in globals() else Path()
@@ -32,15 +30,15 @@ case = icmj.prepare(run.with_(**{"simulation.duration": SETTLE + 60.0}))
 
 def recorded(simulation: icmj.Simulation) -> dict[str, np.ndarray]:
     """What a force plate records of a run that has settled: angle of the force [rad] and centre of pressure [m]."""
-    force = icmj.ground_force(case.model, simulation).chosen(["force.x", "force.z", "cop.x"])
-    plate = sample_rows(icmj.force_angle(force, "force.x", "force.z"), simulation, RATE, SETTLE)
+    force = icmj.engine.ground_force(case.model, simulation).chosen(["force.x", "force.z", "cop.x"])
+    plate = icmj.study.sample_rows(icmj.experiments.force_angle(force, "force.x", "force.z"), simulation, RATE, SETTLE)
     return {name: plate[name] for name in ("force_angle", "cop.x")}
 
 
 # %%
 # Every run has other noise. Its centre of pressure is measured in the same way as that of a person.
-height = reaction(case.model).height  # of the centre of mass above the ground [m]
-found: dict[str, tuple[list[icmj.Sway], list[icmj.IntersectionPoint]]] = {}
+height = icmj.reaction(case.model).height  # of the centre of mass above the ground [m]
+found: dict[str, tuple[list[icmj.measurement.Sway], list[icmj.experiments.IntersectionPoint]]] = {}
 for plant in ("linear", "mujoco"):
     batch = icmj.simulate_many(case, plant=plant, seeds=SEEDS, keep=recorded, jobs=1)
     t = np.arange(batch["cop.x"].shape[1]) / RATE
@@ -48,11 +46,11 @@ for plant in ("linear", "mujoco"):
     for angle, cop in zip(batch["force_angle"], batch["cop.x"], strict=True):
         sways.append(icmj.measure_sway(icmj.Series(t, 1e3 * cop[:, None], ("cop",), ("mm",))))
         plate = icmj.Series(t, np.column_stack([angle, cop]), ("force_angle", "cop"), ("rad", "m"))
-        points.append(icmj.intersection_point(plate, height=height))
+        points.append(icmj.experiments.intersection_point(plate, height=height))
     found[plant] = sways, points
 
 
-def numbers(sway: icmj.Sway) -> list[float]:
+def numbers(sway: icmj.measurement.Sway) -> list[float]:
     """The six measures of a run."""
     c = sway.coordinates[0]
     assert c.diffusion.short is not None

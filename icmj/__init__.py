@@ -16,11 +16,33 @@ or without a run file, from python-control systems::
     controller = Controller(design, system_matched(design), rule)
     simulation = simulate_plant(assumed.scaled(0.8), controller, Settings(duration=20.0), x0=[0.02, 0.0])
 
-The names that ``__init__.pyi`` lists are loaded on first use, so that importing icmj costs nothing.
+What people meet first is here; the rest is in the rooms, such as :mod:`icmj.theory`. Each room lists its names in its
+``__init__.pyi``; they are loaded on first use, so that importing icmj costs nothing.
 """
 
 import lazy_loader
 
 from icmj.base.version import VERSION as __version__  # noqa: F401
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> object:
+    """A public name or a room; of a name that a room has, where it is.
+
+    Raises:
+        AttributeError: if icmj has no such name.
+    """
+    if name in __all__:
+        return _load(name)
+    raise AttributeError(f"icmj has no attribute {name!r}{_where(name)}")
+
+
+def _where(name: str) -> str:
+    """The room whose stub lists the name, in words; nothing if none does."""
+    from pathlib import Path
+
+    for stub in sorted(Path(__file__).parent.glob("*/__init__.pyi")):
+        if f" as {name}\n" in stub.read_text(encoding="utf-8"):
+            return f"; it is icmj.{stub.parent.name}.{name}"
+    return ""

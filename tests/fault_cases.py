@@ -154,7 +154,7 @@ def check(found: End, signum: int) -> None:
 
 def check_folder(folder: Path) -> None:
     """Every file under its name is whole, and what else there is goes with the next run."""
-    from icmj.log import read_log
+    from icmj.log.reader import read_log
     from icmj.study.study import open_folder
 
     if not folder.exists():

@@ -443,8 +443,9 @@ def _put_log(rng: random.Random) -> tuple[str, str]:
     from log_cases import made_up
 
     from icmj.errors import IcmjError, LogError
-    from icmj.log import read_log, write_log
     from icmj.log.archive import unpack
+    from icmj.log.reader import read_log
+    from icmj.log.writer import write_log
 
     if rng.random() < 0.1:  # the bytes of a whole log; each read starts a process
         folder = Path(tempfile.mkdtemp(prefix="icmj-mutant-"))
@@ -479,7 +480,7 @@ def _use(result: Any, rng: random.Random) -> None:
     from icmj.case.comparison import compare, to_json
     from icmj.errors import IcmjError
     from icmj.log import writer
-    from icmj.report import build_report
+    from icmj.report.builder import build_report
 
     with np.errstate(all="ignore"):
         compared = compare(result)

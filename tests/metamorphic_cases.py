@@ -219,7 +219,7 @@ def file_of(drawn: Drawn) -> icmj.RunFile:
     return icmj.load_run(drawn.base, allow_code=drawn.base in _HYBRID).with_(**drawn.changes)
 
 
-def trigger_of(drawn: Drawn) -> icmj.Trigger | None:
+def trigger_of(drawn: Drawn) -> icmj.controller.Trigger | None:
     """What replaces its event rule."""
     if drawn.clock is not None:
         return icmj.ClockTrigger(drawn.clock)

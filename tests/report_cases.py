@@ -115,7 +115,7 @@ def everything() -> list[Result]:
 @cache
 def whole_report(base: Path) -> Path:
     """The folder of a report on everything, built once under ``base`` for all tests that only look at it."""
-    from icmj.report import build_report
+    from icmj.report.builder import build_report
 
     folder = base / "whole_report"
     build_report(everything(), folder / "report.html")

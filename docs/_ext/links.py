@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import Any
 
 from docutils import nodes
+from public_names import surface
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
@@ -20,13 +21,10 @@ def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, inner: nodes
     if found is None:
         # annotations may name what is no object by that name; a role in prose must be right
         return None if isinstance(inner, nodes.literal) else inner
-    name = getattr(found, "__name__", target.rpartition(".")[2])
     domain = env.domains.python_domain
-    import icmj
-
-    if name in icmj.__all__ and f"icmj.{name}" in domain.objects:
-        entry = domain.objects[f"icmj.{name}"]
-        return _link(app, node, inner, entry)
+    for path, thing in surface().items():
+        if thing is found and path in domain.objects:
+            return _link(app, node, inner, domain.objects[path])
     full = f"{getattr(found, '__module__', '')}.{getattr(found, '__qualname__', '')}"
     if full in domain.objects:
         return _link(app, node, inner, domain.objects[full])

@@ -1,6 +1,7 @@
 """``{public-names} part``: the public names of one part of icmj, and their data; ``{public-index}``: all of them.
 
-A name finds its page by the folder of its home, so that a new one is documented as soon as it is public.
+A name finds its page by the folder of its home, so that a new one is documented as soon as it is public. Its path is
+``icmj.NAME``, or ``icmj.ROOM.NAME`` where a room has it.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ import dataclasses
 import inspect
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 from docutils import nodes
 from docutils.statemachine import StringList
@@ -40,10 +42,10 @@ class PublicNames(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         part = self.arguments[0]
         lines: list[str] = []
-        names = [name for name in _all() if _part_of(_home(name)) == part]
-        for name in sorted(names, key=lambda name: (not inspect.isclass(_public(name)), name.lower())):
-            lines += _entry(f"icmj.{name}", _public(name))
-        inside = list(_inside(names))
+        things = {path: thing for path, thing in surface().items() if _part_of(thing.__module__) == part}
+        for path in sorted(things, key=lambda path: (not inspect.isclass(things[path]), _name(path).lower())):
+            lines += _entry(path, things[path])
+        inside = list(_inside(things.values()))
         if inside:
             lines += [".. rubric:: Data inside", ""]
             for thing in inside:
@@ -58,16 +60,21 @@ class PublicNames(SphinxDirective):
 
 
 class PublicIndex(SphinxDirective):
-    """Every public name with the first sentence of its description."""
+    """Every public name with the first sentence of its description: those of icmj, then room by room."""
 
     def run(self) -> list[nodes.Node]:
-        lines = [".. list-table::", "   :widths: 30 70", ""]
-        for name in sorted(_all(), key=str.lower):
-            lines += [f"   * - :py:obj:`{name} <icmj.{name}>`", f"     - {_sentence(_public(name))}"]
+        lines: list[str] = []
+        for home, room in _homes().items():
+            if home != "icmj":
+                lines += [f"### {home}", "", _sentence(room).replace(r"\|", "|"), ""]
+            lines += ["```{eval-rst}", ".. list-table::", "   :widths: 30 70", ""]
+            for name in sorted(_names(room), key=str.lower):
+                said = _sentence(getattr(room, name))
+                lines += [f"   * - :py:obj:`{name} <{home}.{name}>`", f"     - {said}"]
+            lines += ["```", ""]
         holder = nodes.section()
         holder.document = self.state.document
-        wrapped = ["```{eval-rst}", *lines, "```"]
-        self.state.nested_parse(StringList(wrapped, "public index"), self.content_offset, holder, match_titles=True)
+        self.state.nested_parse(StringList(lines, "public index"), self.content_offset, holder, match_titles=True)
         return holder.children
 
 
@@ -84,10 +91,10 @@ def _entry(path: str, thing: object) -> list[str]:
     return [f".. autofunction:: {path}", ""]
 
 
-def _inside(names: list[str]) -> Iterator[type]:
+def _inside(things: Iterable[Any]) -> Iterator[type]:
     """Dataclasses that share a module with a public name, and are not public themselves."""
-    public = {id(_public(name)) for name in _all()}
-    for home in dict.fromkeys(_home(name) for name in names):
+    public = {id(thing) for thing in surface().values()}
+    for home in dict.fromkeys(thing.__module__ for thing in things):
         for each in vars(sys.modules[home]).values():
             own = (
                 inspect.isclass(each)
@@ -99,21 +106,25 @@ def _inside(names: list[str]) -> Iterator[type]:
                 yield each
 
 
-def _all() -> list[str]:
+def surface() -> dict[str, Any]:
+    """Every public class and function by its path."""
+    return {f"{home}.{name}": getattr(room, name) for home, room in _homes().items() for name in _names(room)}
+
+
+def _homes() -> dict[str, Any]:
+    """icmj and its rooms; a room that is a single module has a page of its own."""
     import icmj
 
-    # a public module has a page of its own
-    return [name for name in icmj.__all__ if not inspect.ismodule(getattr(icmj, name))]
+    rooms = {f"icmj.{name}": getattr(icmj, name) for name in icmj.__all__}
+    return {"icmj": icmj} | {path: room for path, room in rooms.items() if hasattr(room, "__path__")}
 
 
-def _public(name: str) -> object:
-    import icmj
-
-    return getattr(icmj, name)
+def _names(room: Any) -> list[str]:
+    return [name for name in room.__all__ if not inspect.ismodule(getattr(room, name))]
 
 
-def _home(name: str) -> str:
-    return _public(name).__module__
+def _name(path: str) -> str:
+    return path.rpartition(".")[2]
 
 
 def _part_of(module: str) -> str:

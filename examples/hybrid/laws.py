@@ -12,8 +12,7 @@ from functools import cached_property
 import numpy as np
 
 import icmj
-from icmj.controller.realisation import Guard, Layout, Mode, Realisation, parallel
-from icmj.controller.setpoint import step
+from icmj.controller import Guard, Layout, Mode, Realisation, parallel, step
 
 
 @dataclass(frozen=True, eq=False)

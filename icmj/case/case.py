@@ -559,8 +559,8 @@ def measure_own(run: RunFile, simulation: Simulation) -> dict[str, float]:
 def mode_roots(case: Case, count: int = 4) -> dict[str, np.ndarray]:
     """The rightmost characteristic roots of the actual plant under the controller of a run file, mode by mode.
 
-    They belong to a loop that stays in the mode, with all its delays (:func:`icmj.rightmost_roots`): the loop is stable
-    in it if all lie to the left of 0. What a controller makes of modes between which it switches, its runs tell.
+    They belong to a loop that stays in the mode, with all its delays (:func:`icmj.theory.rightmost_roots`): the loop is
+    stable in it if all lie to the left of 0. What a controller makes of modes between which it switches, its runs tell.
 
     Args:
         case: plants and controller.

@@ -341,7 +341,7 @@ def carry_out_identification(command: Identify, out: Terminal, err: Terminal) ->
 def _read(command: Identify, path: Path) -> tuple[Unknown, Observed, PlantKind]:
     """The known run file, the observed motion, and its plant."""
     from icmj.fitting.observed import Observed, read_observed
-    from icmj.log import read_log
+    from icmj.log.reader import read_log
     from icmj.runfile.reading import load_run
     from icmj.runfile.schema import overridden
 

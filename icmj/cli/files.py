@@ -322,7 +322,7 @@ def export(command: arguments.Export) -> None:
     """Write rows and events of a log, say where they are."""
     from icmj.base.files import replaceable
     from icmj.errors import DataError
-    from icmj.log import read_log
+    from icmj.log.reader import read_log
     from icmj.series.reading import FORMATS, write_series
 
     out = command.log.with_suffix(f".{command.to or 'csv'}") if command.out is None else command.out
@@ -389,7 +389,7 @@ def _signals(command: arguments.Measure) -> tuple[Series, tuple[str, ...]]:
 
     columns = command.columns if command.torque is None else (*command.columns, command.torque)
     if command.file.suffix == ".rrd":
-        from icmj.log import read_log
+        from icmj.log.reader import read_log
 
         result = read_log(command.file)
         notes = tuple(notice for notice in result.notices if notice.startswith("slow noise"))

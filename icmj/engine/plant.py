@@ -285,7 +285,7 @@ class MujocoPlant:
         spec: its model with the deviation applied; copy before editing (``spec.copy()``).
         linearisation: linearisation at the operating point, with the point itself and the ports.
         told: notices of default choices.
-        muscles: the lags that an :class:`icmj.Activation` added to actuators, by the number of the actuator.
+        muscles: the lags that an :class:`icmj.plant.Activation` added to actuators, by the number of the actuator.
         models: what is compiled of ``spec``.
     """
 

@@ -330,7 +330,7 @@ def intersection_curve(
     Args:
         frequency: frequencies [Hz], positive, shape (F,).
         response: response of θ_F [rad] and p [m] to each noise, shape (F, 2, S), computed for example with
-            :func:`icmj.frequency_response`.
+            :func:`icmj.experiments.frequency_response`.
         noise: covariance matrix of the noises, or only their intensities, shape (S, S) or (S,).
         height: height of the centre of mass [m].
 

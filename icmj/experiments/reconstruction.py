@@ -404,9 +404,9 @@ def reconstruct_steps(
         series: a series that contains the control. Use the rows as they were sampled, because a response that jumps
             cannot be interpolated.
         control: name of the control signal.
-        pairs: true times and sizes of the steps: those of :func:`icmj.double_steps` if they are known, otherwise those
-            that :func:`icmj.find_step_pairs` finds.
-        response: a linear model that is used instead of a fitted one, such as :func:`icmj.own_response`.
+        pairs: true times and sizes of the steps: those of :func:`icmj.controller.double_steps` if they are known,
+            otherwise those that :func:`icmj.controller.find_step_pairs` finds.
+        response: a linear model that is used instead of a fitted one, such as :func:`icmj.experiments.own_response`.
         order: order of the fitted model, (number of coefficients of past control, of the set-point); by default it is
             chosen.
         rate: rows per second to which the series is resampled [Hz]; by default the recorded rows are used.

@@ -111,8 +111,8 @@ def refractoriness(
 
     Args:
         isi: inter-step interval of each pair [s], shape (P,).
-        rt: reaction times to first and second step [s], shape (P, 2), such as those of :func:`icmj.reconstruct_steps`;
-            pairs with NaN are left out.
+        rt: reaction times to first and second step [s], shape (P, 2), such as those of
+            :func:`icmj.experiments.reconstruct_steps`; pairs with NaN are left out.
         alike: intervals that differ by at most this count as equal [s]; in a record they are known to one sampling
             interval.
         shortest: shortest interval that the two regressions use [s]; shorter ones may be within one sampling delay.

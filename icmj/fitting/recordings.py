@@ -186,7 +186,7 @@ def trials_of(series: Series, column: str, *, unit: str | None = None) -> tuple[
     """The trials in one column of a series; more than 90 s are cut into pieces of 60 s.
 
     Raises:
-        FitError: as :func:`icmj.read_trials`.
+        FitError: as :func:`icmj.fitting.read_trials`.
     """
     name = series.names[_place(series, column)]
     given = series.units[series.place(name)]
@@ -248,7 +248,7 @@ def public_trials(folder: Path | str, people: Sequence[str | int] = ()) -> tuple
     """The trials in a folder with the text files of the public data set, as listed in its table ``BDSinfo.txt``.
 
     Each file, such as ``BDS00001.txt``, has the columns Time[s], forces, moments, COPx[cm] and COPy[cm]; x is front to
-    back. :func:`icmj.read_trials` reads these files.
+    back. :func:`icmj.fitting.read_trials` reads these files.
 
     Args:
         folder: folder with ``BDSinfo.txt`` and the files.

@@ -426,7 +426,7 @@ def write_log(result: Result, path: Path | str) -> None:
     """Write ``result`` to ``path`` as a rerun recording.
 
     The log is written under a temporary name, read back to check that it is complete, and renamed, so a log is
-    either complete or absent. It contains an archive with its own digest, which :func:`icmj.log.read_log` reads.
+    either complete or absent. It contains an archive with its own digest, which :func:`icmj.read_log` reads.
 
     Raises:
         LogError: if the result cannot be stored or the file cannot be written.

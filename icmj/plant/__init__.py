@@ -1,1 +1,5 @@
-"""The linear plant as data."""
+"""The linear plant as data, the body that a model is of, changes of it, and notices of what is doubtful."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

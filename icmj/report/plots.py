@@ -11,7 +11,7 @@ title are yours. Angles are in degrees, other outputs in their own unit. Typical
 
 Functions for a sweep take the sweep and the columns that vary: ``icmj.plots.validity(axes, swept, "b", "q_t")``.
 Functions for sway take a result of :func:`icmj.measure_sway`, those for double steps one of :func:`icmj.refractoriness`
-or :func:`icmj.reconstruct_steps`.
+or :func:`icmj.experiments.reconstruct_steps`.
 
 All of them raise ReportError if there is no result, if two results belong to different cases or to the same plant, or
 if a result does not contain what is to be drawn.
@@ -173,7 +173,9 @@ def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     case = _case(results)
     found = next((result for result in reversed(case.runs.values()) if result.law is not None), None)
     if found is None or found.law is None:
-        raise ReportError(f"case {case.name!r} has no amplitude law; run it with --study, or see icmj.measure_law")
+        raise ReportError(
+            f"case {case.name!r} has no amplitude law; run it with --study, or see icmj.experiments.measure_law"
+        )
     figures.draw_law(axes, found.law, threshold_unit(found))
     return _legend(axes, legend)
 

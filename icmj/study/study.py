@@ -66,8 +66,9 @@ def report(
     """
     from icmj.case.comparison import compare, to_json, to_record
     from icmj.case.result import has_prediction
-    from icmj.log import read_log, read_scene
-    from icmj.report import build_report
+    from icmj.log.figure import read_scene
+    from icmj.log.reader import read_log
+    from icmj.report.builder import build_report
 
     tell = progress or (lambda part: None)
     results: list[Result] = []
@@ -106,7 +107,7 @@ def report(
 
 def draw_logs(logs: Sequence[Path], folder: Path, progress: Tell | None = None) -> None:
     """Draw the figures of the case that logs are of into ``folder``: what a worker does for the page."""
-    from icmj.log import read_log
+    from icmj.log.reader import read_log
     from icmj.report.drawing import draw_case
     from icmj.report.wording import pair
 
@@ -355,7 +356,7 @@ def check(run: RunFile, longest: float | None = None, progress: Tell | None = No
 
 def log_case(run: RunFile, plant: PlantKind, folder: Path, progress: Tell | None = None) -> Path:
     """Run one case on one plant and write its log ``<case>.<plant>.rrd`` into ``folder``."""
-    from icmj.log import write_log
+    from icmj.log.writer import write_log
 
     log = folder / f"{run.case.name}.{plant}.rrd"
     write_log(run_case(run, plant, progress, study=True), log)

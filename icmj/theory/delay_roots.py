@@ -346,7 +346,7 @@ def _(law: PredictorController, plant: LinearPlant) -> dict[str, DelayLoop]:
 def predictor_loop(plant: LinearPlant, law: PredictorController) -> PredictorLoop:
     """The loop of ``plant`` under the continuous predictor controller; inputs and outputs are matched by name.
 
-    :func:`icmj.rightmost_roots` computes its characteristic roots. With an exact model these are exactly the
+    :func:`icmj.theory.rightmost_roots` computes its characteristic roots. With an exact model these are exactly the
     eigenvalues of Â − B̂k̂ and Â − LĈ, for any delay.
     """
     expect(law, PredictorController, "the loop of a predictor")

@@ -7,7 +7,7 @@ from model_cases import MOTOR, pendulum, two, written
 from icmj.case.case import prepare, simulate
 from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.errors import DesignError, ModelError, RunFileError
-from icmj.report import build_report
+from icmj.report.builder import build_report
 from icmj.runfile.reading import load_run, parse_run
 from icmj.study.study import run_case
 
@@ -250,7 +250,8 @@ def test_free_needs_balance(tmp_path):
 
 def test_a_log_says_what_ran(root, tmp_path):
     """A sweep in code: the archive of the run with 0.85 says 0.85."""
-    from icmj.log import read_log, write_log
+    from icmj.log.reader import read_log
+    from icmj.log.writer import write_log
     from icmj.study.study import run_case
 
     run = load_run(root / "runs" / "simple-0.8.toml")
@@ -264,7 +265,7 @@ def test_a_log_says_what_ran(root, tmp_path):
 
 
 def test_a_model_without_geoms_is_logged(root, tmp_path):
-    from icmj.log import write_log
+    from icmj.log.writer import write_log
     from icmj.study.study import run_case
 
     written(tmp_path, pendulum(MOTOR))

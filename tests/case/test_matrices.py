@@ -273,7 +273,7 @@ def test_what_is_no_gain_or_hold_is_one_line(keys, words):
 
 @pytest.mark.slow
 def test_run_study_report_and_log_without_a_model(tmp_path, monkeypatch, capsys):
-    from icmj.log import read_log
+    from icmj.log.reader import read_log
 
     monkeypatch.chdir(tmp_path)
     short = {"study.growth_points": 2, "study.attractor_starts": 2}

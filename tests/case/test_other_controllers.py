@@ -64,8 +64,8 @@ initial = { ankle = 0.02 }
 OWN = '''
 from dataclasses import dataclass
 import numpy as np
-from icmj import Law, LinearPlant, Mode, Realisation
-from icmj.controller.realisation import Layout
+from icmj import Law, LinearPlant
+from icmj.controller import Layout, Mode, Realisation
 
 @dataclass(frozen=True, eq=False)
 class Proportional(Law):

@@ -25,7 +25,8 @@ RULES = '''
 from __future__ import annotations
 from dataclasses import dataclass, replace
 import numpy as np
-from icmj import EventRule, Faces
+from icmj import EventRule
+from icmj.controller import Faces
 
 @dataclass(frozen=True, eq=False)
 class Diamond(EventRule):

@@ -15,8 +15,10 @@ import pytest
 import icmj
 from icmj.case.case import revise
 from icmj.case.plants import linear_plant
+from icmj.controller import Channel
 from icmj.cycle.curve import Family, parameter
 from icmj.errors import CycleError, IcmjError, RunFileError
+from icmj.experiments import attractors, measure_growth, measure_law, rounds
 from icmj.log.reader import read_log
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.reading import load_run
@@ -417,7 +419,7 @@ def test_what_theory_is_of_knows_neither_set_point_nor_disturbance(base: RunFile
     driven = quiet.with_(**{"setpoint": FEATURES["all at once"]["setpoint"], **FEATURES["noise"]})
     plants: tuple[Plant, ...] = ("linear", "mujoco")
     for plant in plants:
-        alone, beside = (icmj.measure_growth(icmj.prepare(run), plant, 3) for run in (quiet, driven))
+        alone, beside = (measure_growth(icmj.prepare(run), plant, 3) for run in (quiet, driven))
         assert alone is not None
         assert beside is not None
         np.testing.assert_array_equal(alone.measured, beside.measured)
@@ -454,21 +456,33 @@ def test_what_is_of_another_class_is_refused_in_one_line(base: RunFile) -> None:
         (lambda: icmj.simulate(trial, trigger=icmj.Continuous()), "another trigger needs an event rule, and the"),
         (lambda: icmj.open_loop(trial), "open_loop needs an event rule, and the controller is of kind 'switching'"),
         (lambda: icmj.find_cycle(trial), "find_cycle needs an event rule, and the controller is of kind 'switching'"),
-        (lambda: icmj.measure_growth(trial, "linear", 2), "growth under a clock needs an event rule, and the"),
-        (lambda: icmj.measure_law(trial, [0.1, 0.2]), "the amplitude law needs an event rule, and the controller is"),
+        (
+            lambda: measure_growth(trial, "linear", 2),
+            "growth under a clock needs an event rule, and the",
+        ),
+        (
+            lambda: measure_law(trial, [0.1, 0.2]),
+            "the amplitude law needs an event rule, and the controller is",
+        ),
         (lambda: icmj.run_case(law, "linear"), "run_case takes a Case, got Controller"),
         (lambda: icmj.to_iosystem(plant, trial.controller), "to_iosystem takes a Controller, got SwitchingPD"),
         (lambda: icmj.to_iosystem(case), "the plant is a Case; expected a LinearPlant"),
-        (lambda: icmj.attractors(plant, trial.controller, case.settings), "takes a Controller, got SwitchingPD"),
+        (
+            lambda: attractors(plant, trial.controller, case.settings),
+            "takes a Controller, got SwitchingPD",
+        ),
         (lambda: icmj.simulate_plant(plant, case, case.settings), "simulate_plant takes a Law, got Case"),
-        (lambda: icmj.rounds(plant, law), "takes a SwitchingPD, got Controller"),
-        (lambda: icmj.predictor_loop(plant, law), "takes a PredictorController, got Controller"),
+        (lambda: rounds(plant, law), "takes a SwitchingPD, got Controller"),
+        (lambda: icmj.theory.predictor_loop(plant, law), "takes a PredictorController, got Controller"),
         (lambda: icmj.Design(model, design.k, design.L), instead),
         (lambda: icmj.setpoint(model, [lean]), instead),
         (lambda: icmj.SwitchingPD(model, "lean", "lean_rate", 1.0, 1.0, 0.2), instead),
-        (lambda: icmj.SwitchingChannels(model, (icmj.Channel("lean", "lean_rate", 1.0, 1.0),), 0.2), instead),
+        (
+            lambda: icmj.SwitchingChannels(model, (Channel("lean", "lean_rate", 1.0, 1.0),), 0.2),
+            instead,
+        ),
         (lambda: icmj.DelayedPID(model, "lean", "lean_rate", 1.0, 1.0, delay=0.2), instead),
-        (lambda: icmj.rounds(model, trial.controller), instead),
+        (lambda: rounds(model, trial.controller), instead),
         (lambda: icmj.compose_run(model, law, name="a"), instead),
     ]
     for ask, words in asked:

@@ -147,7 +147,7 @@ def test_bad_tables_are_told_in_one_line(case, tables, words):
 def test_pairs_of_steps_are_those_of_the_function(case):
     pairs = {"output": "trunk", "kind": "double-steps", "size": 0.01, "isi": [0.1, 0.3], "repetitions": 2, "seed": 5}
     followed = prepare(case.run.with_(setpoint=[pairs]), like=case).setpoint
-    made = icmj.double_steps([0.1, 0.3], 2, 0.01, seed=5)
+    made = icmj.controller.double_steps([0.1, 0.3], 2, 0.01, seed=5)
     np.testing.assert_array_equal(followed.edges, made.t.ravel())
     np.testing.assert_allclose(followed(made.t.ravel())[:, 0], np.cumsum(made.sizes.ravel()), atol=1e-15)
     for wrong, words in (

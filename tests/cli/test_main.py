@@ -102,7 +102,7 @@ def test_linearise_json_has_matrices_poles_and_names(root, capsys):
 
 
 def test_run_writes_a_log_that_reads_back(root, tmp_path, capsys):
-    from icmj.log import read_log
+    from icmj.log.reader import read_log
 
     text = (root / "runs" / "simple-0.8.toml").read_text(encoding="utf-8")
     text = text.replace("../models", str(root / "models")).replace("duration = 40.0", "duration = 12.0")

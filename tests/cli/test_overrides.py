@@ -9,7 +9,7 @@ from icmj.runfile.reading import load_run, parse_run
 
 
 def test_a_log_stores_what_really_ran(root, tmp_path, capsys):
-    from icmj.log import read_log
+    from icmj.log.reader import read_log
 
     path = root / "runs" / "simple-0.8.toml"
     changes = {"actual.gain": 0.85, "controller.q_t": 0.02, "simulation.duration": 9.0, "study.growth_points": 0}

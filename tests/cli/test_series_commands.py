@@ -11,7 +11,7 @@ from report_cases import result
 from terminal_cases import told
 
 from icmj.cli.main import main
-from icmj.log import write_log
+from icmj.log.writer import write_log
 from icmj.series.reading import read_series
 from icmj.simulation.simulation import Pressure
 

@@ -20,7 +20,7 @@ from icmj.engine.open_loop import open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.run import simulate
 from icmj.errors import ModelError
-from icmj.plant.body import Activation
+from icmj.plant import Activation, Selection
 from icmj.simulation.settings import Settings
 from icmj.theory.delay_roots import delay_loop, rightmost_roots
 
@@ -68,7 +68,7 @@ def test_its_linearisation_is_the_bodys_behind_the_lag(activation):
 @pytest.mark.parametrize("seed", range(6))
 def test_so_is_that_of_any_chain_which_its_motors_hold(seed, tmp_path):
     rng, path = np.random.default_rng(seed), chain(seed, tmp_path)
-    rule = icmj.OperatingRule("static control")
+    rule = icmj.plant.OperatingRule("static control")
     activation = (Activation(1, rng.uniform(0.02, 0.2)), Activation(2, rng.uniform(0.02, 0.2)))[seed % 2]
     bare, behind = (load_plant(path, keyframe="there", operating=rule, activation=a) for a in (None, activation))
     expected, there = activation.before(bare.linearisation.plant), behind.linearisation.plant
@@ -155,7 +155,7 @@ def test_motors_and_actuators_with_states_of_their_own_stand_side_by_side(tmp_pa
         again = load_plant(given.path, start=body.rest, activation=activation)
         assert again.linearisation.point.act.tolist() == body.linearisation.point.act.tolist()
         assert mujoco.MjSpec.from_string(body.xml).compile().na == body.model.na
-        chosen = load_plant(given.path, keyframe="stand", selection=icmj.Selection(inputs=("ankle",)), activation=FIRST)
+        chosen = load_plant(given.path, keyframe="stand", selection=Selection(inputs=("ankle",)), activation=FIRST)
         assert chosen.linearisation.plant.states[2:] == ("slow_act", "ankle_act")
     with pytest.raises(ModelError, match=r"model.xml: activation: input 'slow' has dynamics of its own"):
         load_plant(given.path, keyframe="stand", activation=FIRST)
@@ -176,6 +176,6 @@ def test_quaternions_and_motors_that_no_model_names_have_muscles_too(tmp_path):
 
 
 def test_a_wrong_time_constant_is_a_change_like_others():
-    changed = icmj.Deviation(changes=(icmj.Change("dynprm", "knee_torque", factor=1.5),), rho=0.5)
+    changed = icmj.Deviation(changes=(icmj.plant.Change("dynprm", "knee_torque", factor=1.5),), rho=0.5)
     body = load_plant(MODELS / "three_link.xml", changed, "upright", activation=FIRST)
     assert np.diag(body.linearisation.plant.A)[6:] == pytest.approx([-20, -20 / 1.25, -20])

@@ -331,7 +331,7 @@ def test_an_acceleration_of_the_ground_is_a_force_on_each_body_in_proportion_to_
     forced = tuple(Step(body=name, force=(-mass, 0.0, 0.0), size=a) for name, mass in bodies.items() if mass)
     settings = Settings(duration=1.0, tolerance=1e-11, record_interval=0.1)
     moved = simulate(body, control, replace(settings, disturbance=forced), error_estimate=False)
-    tilted = icmj.Deviation(changes=(icmj.Change("gravity", value=(-a, 0.0, -9.81)),))
+    tilted = icmj.Deviation(changes=(icmj.plant.Change("gravity", value=(-a, 0.0, -9.81)),))
     hanging = load_plant(body.path, tilted, "upright")
     other = simulate(hanging, control, settings, error_estimate=False)
     assert np.abs(moved.x[:, 0]).max() > 1e-3

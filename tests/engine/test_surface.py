@@ -137,7 +137,7 @@ def test_a_model_of_one_body_has_a_surface_in_mujoco_too():
 
 def test_compensated_gravity_does_not_turn(tmp_path):
     (tmp_path / "still.xml").write_text(STILL.replace('<body name="trunk"', '<body name="trunk" gravcomp="1"'))
-    plant = icmj.load_plant(tmp_path / "still.xml", selection=icmj.Selection(outputs="joints"))
+    plant = icmj.load_plant(tmp_path / "still.xml", selection=icmj.plant.Selection(outputs="joints"))
     parts = on_bodies(plant.model, plant.linearisation.point, Push(surface="gravity", axis=(0, 1, 0)))
     assert [part.body for part in parts] == ["leg"]
     np.testing.assert_allclose(parts[0].force, [30 * 9.81, 0, 0], atol=1e-12)

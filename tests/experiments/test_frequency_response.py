@@ -26,7 +26,7 @@ def test_it_is_that_of_the_composed_loop(seed):
     actual = replace(assumed, B=0.9 * assumed.B, A=assumed.A + 0.02)
     design = icmj.design_lq(assumed, R_c=0.1, R_o=0.1)
     controller = icmj.Controller(design, icmj.system_matched(design), icmj.Continuous())
-    found = icmj.frequency_response(actual, controller, F)
+    found = icmj.experiments.frequency_response(actual, controller, F)
     loop = compose(actual, controller)
     x = np.linalg.solve(2j * np.pi * F[:, None, None] * np.eye(len(loop.F)) - loop.F, np.hstack([loop.D, loop.E]))
     np.testing.assert_allclose(found.x, x[:, :3], rtol=1e-9, atol=1e-12)
@@ -42,7 +42,7 @@ def test_with_a_delay_it_is_the_limit_of_faster_clocks():
         delay = icmj.Delay(0.1)
         clock = icmj.ClockTrigger(0.1 / ticks)
         controller = icmj.Controller(design, icmj.system_matched(design), clock, delay)
-        G = icmj.frequency_response(plant, controller, [0.5]).u[0, 0, 0]
+        G = icmj.experiments.frequency_response(plant, controller, [0.5]).u[0, 0, 0]
         wave = icmj.Sinusoids(input="u0", terms=((1.0, np.pi, 0.0),))
         settings = icmj.Settings(duration=20.0, disturbance=(wave,), record_interval=0.01)
         run = icmj.simulate_plant(plant, controller, settings)
@@ -59,7 +59,7 @@ def test_of_a_set_point_it_is_the_gain_at_low_frequency():
     design = icmj.design_lq(plant, R_c=0.1, R_o=0.01)
     r = icmj.setpoint(plant, [Target({"y": 1.0}, sines(1.0, 0.1, 0.0))])
     controller = icmj.Controller(design, icmj.system_matched(design), icmj.Continuous(), setpoint=r)
-    found = icmj.frequency_response(plant, controller, [1e-4, 0.5])
+    found = icmj.experiments.frequency_response(plant, controller, [1e-4, 0.5])
     assert found.y[0, 0, found.of("r.y")] == pytest.approx(1.0, abs=1e-2)
     with pytest.raises(AnalysisError, match=r"no signal 'r\.x'"):
         found.of("r.x")
@@ -70,6 +70,6 @@ def test_what_is_not_linear_has_none():
     plant = replace(plant, outputs=("q", "v"), inputs=("u",))
     law = icmj.SwitchingPD(plant, "q", "v", 1.0, 1.0, 0.1)
     with pytest.raises(AnalysisError, match="not linear"):
-        icmj.frequency_response(plant, law, F)
+        icmj.experiments.frequency_response(plant, law, F)
     with pytest.raises(AnalysisError, match="positive"):
-        icmj.frequency_response(plant, law, [-1.0])
+        icmj.experiments.frequency_response(plant, law, [-1.0])

@@ -58,7 +58,7 @@ def test_the_double_pendulum_has_the_published_points(tmp_path):
         s = 2j * np.pi * frequency[:, None, None]
         x = np.linalg.solve(s * np.eye(4) - A + B @ k, B + 0 * s)
         response = ground.C @ x + ground.D @ (np.eye(2) - k @ x)
-        return icmj.intersection_curve(frequency, response, [0.5**2, 1.0], height=H).ratio
+        return icmj.experiments.intersection_curve(frequency, response, [0.5**2, 1.0], height=H).ratio
 
     assert np.abs(ratio(FREQUENCY) - MODEL).max() <= 5.1e-4  # half of the last digit, and that of the inputs
     # over 0.49-7.9 Hz from the mean of 65 young people (Santos & Duarte 2016), an RMSE as published
@@ -74,17 +74,17 @@ def test_a_rigid_person_s_point_is_mechanics_whatever_the_controller(tmp_path, g
     design = icmj.design_lq(plant.linearisation.plant, R_c=1e-6 * gains[0], R_o=1e-6 * gains[1])
     controller = icmj.Controller(design, icmj.system_matched(design), icmj.Continuous())
     f = np.array([0.3, 1.0, 3.0, 8.0])
-    response = icmj.frequency_response(plant.linearisation.plant, controller, f)
+    response = icmj.experiments.frequency_response(plant.linearisation.plant, controller, f)
     ground = reaction(plant)
     effect = ground.C @ response.x[:, :, :1] + ground.D @ response.applied[:, :, :1]
-    theory = icmj.intersection_curve(f, effect, [1.0], height=0.9)
+    theory = icmj.experiments.intersection_curve(f, effect, [1.0], height=0.9)
     np.testing.assert_allclose(theory.ratio, rigid(f), rtol=1e-7)  # of the differences by which the reaction is known
     np.testing.assert_allclose(theory.share, 1.0, atol=1e-12)
     noise = icmj.Gaussian(input="t0", size=1.0, seed=3)
     settings = icmj.Settings(duration=120.0, disturbance=(noise,), record_interval=0.01)
     run = icmj.simulate_plant(plant.linearisation.plant, controller, settings)
-    force = icmj.force_angle(ground_force(plant, run), "force.x", "force.z")
-    found = icmj.intersection_point(force, "force_angle", "cop.x", height=0.9)
+    force = icmj.experiments.force_angle(ground_force(plant, run), "force.x", "force.z")
+    found = icmj.experiments.intersection_point(force, "force_angle", "cop.x", height=0.9)
     expected = rigid(found.frequency)
     assert np.abs(found.ratio / expected - 1)[found.frequency >= 1].max() < 0.01
     # what a window leaks of the large slow sway, below; the ratio of the two signals falls steeply there
@@ -121,7 +121,7 @@ def test_a_line_in_the_plane_of_force_and_pressure_is_found():
     random = np.random.default_rng(1)
     theta = np.convolve(random.standard_normal(6000), np.ones(5) / 5, "same")
     series = Series(t, np.column_stack([np.degrees(theta), 100 * 0.7 * theta]), ("a", "p"), ("deg", "cm"))
-    found = icmj.intersection_point(series, "a", "p", height=0.9, band=(0.4, 40.0))
+    found = icmj.experiments.intersection_point(series, "a", "p", height=0.9, band=(0.4, 40.0))
     np.testing.assert_allclose(found.z, 0.7, rtol=1e-12)
     np.testing.assert_allclose(found.share, 1.0, atol=1e-12)
     assert found.windows == 22
@@ -139,16 +139,16 @@ def test_what_cannot_be_told_is_refused_in_one_line(tmp_path):
         (Series(t, 0 * two, ("force_angle", "cop"), ("rad", "m")), "does not move"),
     ):
         with pytest.raises(DataError, match=words) as refused:
-            icmj.intersection_point(wrong)
+            icmj.experiments.intersection_point(wrong)
         assert "\n" not in str(refused.value)
     with pytest.raises(DataError, match="widen the band"):
-        icmj.intersection_point(good, band=(70.0, 80.0))
+        icmj.experiments.intersection_point(good, band=(70.0, 80.0))
     with pytest.raises(DataError, match="height of the centre of mass is not known"):
-        _ = icmj.intersection_point(good).ratio
+        _ = icmj.experiments.intersection_point(good).ratio
     with pytest.raises(DataError, match="upward force"):
-        icmj.force_angle(Series(t, -abs(two), ("x", "z"), ("N", "N")), "x", "z")
+        icmj.experiments.force_angle(Series(t, -abs(two), ("x", "z"), ("N", "N")), "x", "z")
     with pytest.raises(AnalysisError, match="do not fit"):
-        icmj.intersection_curve([1.0], np.zeros((1, 3, 1)), [1.0])
+        icmj.experiments.intersection_curve([1.0], np.zeros((1, 3, 1)), [1.0])
     with pytest.raises(ModelError, match="x or y"):
         reaction(loaded(tmp_path, (60.0, 0.9, 9.0)), "z")
 

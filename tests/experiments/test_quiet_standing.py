@@ -7,13 +7,14 @@ import pytest
 
 import icmj
 from icmj.errors import DataError
+from icmj.experiments import Recording
 from icmj.experiments.quiet_standing import YOUNG_PEOPLE
 
 
-def recording(seed: int, events=(), outcome: str = "", unit: str = "m") -> icmj.Recording:
+def recording(seed: int, events=(), outcome: str = "", unit: str = "m") -> Recording:
     random = np.random.default_rng(seed)
     x = np.cumsum(random.standard_normal(1000)) * 1e-3
-    return icmj.Recording(icmj.Series(np.arange(1000) / 50, x[:, None], ("cop",), (unit,)), np.array(events), outcome)
+    return Recording(icmj.Series(np.arange(1000) / 50, x[:, None], ("cop",), (unit,)), np.array(events), outcome)
 
 
 def test_measures_are_those_of_measure_sway_and_fallen_trials_are_left_out():

@@ -16,7 +16,7 @@ from patience import PATIENCE
 from terminal_cases import told
 
 from icmj.cli.main import main
-from icmj.log import read_log
+from icmj.log.reader import read_log
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 HOSTILE = "a\u202eb\x9b31m[/][red]:smile:\u2066"  # MJCF and TOML cannot hold C0 controls; what else is obeyed they can

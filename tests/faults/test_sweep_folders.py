@@ -21,7 +21,7 @@ from terminal_cases import told
 
 from icmj.cli.main import main
 from icmj.errors import ReportError, SweepError
-from icmj.report import build_report
+from icmj.report.builder import build_report
 from icmj.study.plan import Plan
 from icmj.study.sweep import carry_out, make_plan, read_sweep, resume_sweep, statuses
 from icmj.work.folder import SUMS

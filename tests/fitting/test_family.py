@@ -21,7 +21,7 @@ def test_the_predictor_sways_as_lyapunov_says():
     member = family.member(theta, 30.0)
     noise = Noise(input="ankle_torque", size=3.0, bandwidth=BAND, seed=1, terms=150)
     member = replace(member, settings=replace(member.settings, disturbance=(noise,)))
-    X, _ = icmj.predictor_covariance(member.law, 3.0**2 / (2 * BAND))
+    X, _ = icmj.theory.predictor_covariance(member.law, 3.0**2 / (2 * BAND))
     expected = float(member.weights @ X @ member.weights)
     found = np.array([np.mean(member.trial(seed) ** 2) for seed in range(TRIALS)])
     error = found.std(ddof=1) / np.sqrt(TRIALS)

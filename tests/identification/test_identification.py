@@ -67,7 +67,7 @@ def test_a_sampled_output_has_the_rhythm_without_any_event(b: float) -> None:
 def test_any_field_and_any_named_change_can_be_unknown() -> None:
     heavier = PENDULUM.with_(**{"actual.gain": 1.0, "actual.change": [{"what": "gravity", "factor": 1.15}]})
     seen = Observed.of_simulation(icmj.simulate(icmj.prepare(heavier), "linear"))
-    gravity = Unknown(PENDULUM.with_(**{"actual.gain": 1.0}), "", icmj.Change("gravity", None, 1.0), 0.8, 1.3)
+    gravity = Unknown(PENDULUM.with_(**{"actual.gain": 1.0}), "", icmj.plant.Change("gravity", None, 1.0), 0.8, 1.3)
     assert identify(gravity, seen).value == pytest.approx(1.15, rel=1e-6)
     half = PENDULUM.with_(**{"actual.rho": 0.5})
     seen = Observed.of_simulation(icmj.simulate(icmj.prepare(half), "linear"))
@@ -102,7 +102,7 @@ def test_motions_that_cannot_tell() -> None:
 
 def test_a_wrong_unknown_and_a_wrong_record_are_errors() -> None:
     seen = Observed.of_times(np.arange(10) * 1.8)
-    for unknown in (Unknown(PENDULUM, "actual.gian"), Unknown(PENDULUM, "", icmj.Change("mass", "nobody", 1.0))):
+    for unknown in (Unknown(PENDULUM, "actual.gian"), Unknown(PENDULUM, "", icmj.plant.Change("mass", "nobody", 1.0))):
         with pytest.raises(IcmjError):
             identify(unknown, seen)
     for wrong in ([1.0, 2.0], [1.0, 3.0, 2.0, 4.0], [1.0, 2.0, 3.0, np.nan]):

@@ -36,7 +36,7 @@ def test_plain_pd_is_a_matrix_exponential() -> None:
     closed = there.A - there.B @ np.array([[900.0, 300.0]]) @ there.C
     run = icmj.simulate_plant(there, own, Settings(duration=3.0, record_interval=0.25), x0=START)
     np.testing.assert_allclose(run.x, [expm(closed * t) @ START for t in run.t], atol=1e-14)
-    roots = icmj.rightmost_roots(icmj.delay_loop(there, own))
+    roots = icmj.theory.rightmost_roots(icmj.theory.delay_loop(there, own))
     np.testing.assert_allclose(np.sort_complex(roots), np.sort_complex(np.linalg.eigvals(closed)), rtol=1e-12)
 
 

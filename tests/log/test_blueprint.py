@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 
 from icmj.case.result import Result
 from icmj.controller.trigger import Continuous
-from icmj.log import write_log
+from icmj.log.writer import write_log
 
 
 def arranged(path: Path) -> dict[str, tuple[str, str]]:

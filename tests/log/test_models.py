@@ -11,7 +11,8 @@ import pytest
 import icmj
 from icmj.cli.main import main
 from icmj.errors import RunFileError
-from icmj.log import archive, read_log
+from icmj.log import archive
+from icmj.log.reader import read_log
 from icmj.runfile.schema import Kept
 
 RUN = """

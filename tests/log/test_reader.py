@@ -13,7 +13,9 @@ from patience import PATIENCE
 
 from icmj.case.comparison import compare, to_json
 from icmj.errors import LogError
-from icmj.log import read_log, read_summary, reader, write_log
+from icmj.log import reader
+from icmj.log.reader import read_log, read_summary
+from icmj.log.writer import write_log
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +118,7 @@ def test_a_zero_byte_in_a_name_ends_nothing(log: Path, tmp_path: Path) -> None:
     script = """
 import sys
 from icmj.errors import LogError
-from icmj.log import read_log
+from icmj.log.reader import read_log
 for path in sys.argv[1:]:
     try:
         read_log(path)

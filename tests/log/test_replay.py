@@ -22,8 +22,8 @@ from patience import PATIENCE
 
 from icmj.engine.run import simulate
 from icmj.errors import LogError
-from icmj.log import write_log
 from icmj.log.reader import _await_port, _base, _free_port, _running, replay
+from icmj.log.writer import write_log
 from icmj.simulation.settings import Settings
 
 SIZE = (1280, 800)

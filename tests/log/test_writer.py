@@ -22,8 +22,9 @@ from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
 from icmj.errors import LogError
-from icmj.log import read_log, read_summary, write_log
 from icmj.log.figure import eye
+from icmj.log.reader import read_log, read_summary
+from icmj.log.writer import write_log
 from icmj.measurement.measurement import measure
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import FRAME, Events, Geom

@@ -63,7 +63,7 @@ def test_poles_and_transfer_function_are_the_plants_and_the_lags(seed):
 
 
 def test_inputs_have_lags_by_name_and_pushes_go_past_them():
-    push = icmj.Push(body="trunk", force=(1.0, 0, 0))
+    push = icmj.plant.Push(body="trunk", force=(1.0, 0, 0))
     plant = LinearPlant(
         -np.eye(2), np.array([[1.0, 0.0], [0.0, 3.0]]), np.eye(2), ("p", "q"), ("ankle", "hip"),
         input_units=("N m", ""), B_d=np.diag([1.0, 2.0]), pushes={push: np.array([4.0, 5.0])},

@@ -105,7 +105,7 @@ def test_what_does_not_go_into_one_picture_is_refused(losing_symmetry: Branch) -
 
 
 def test_the_report_shows_branches_of_one_case_in_one_figure_and_tells_what_happens(losing_symmetry, tmp_path) -> None:
-    from icmj.report import build_report
+    from icmj.report.builder import build_report
 
     other = branch("simple-0.8", "delta_min", 2.5, plant="linear", points=8)
     build_report([], tmp_path / "page.html", branches=[losing_symmetry, other])
@@ -119,7 +119,7 @@ def test_the_report_shows_branches_of_one_case_in_one_figure_and_tells_what_happ
 
 
 def test_a_figure_has_a_name_of_its_own_folder_whatever_the_parameter_is_called(losing_symmetry, tmp_path) -> None:
-    from icmj.report import build_report
+    from icmj.report.builder import build_report
 
     (tmp_path / "deep").mkdir()
     elsewhere = replace(losing_symmetry, parameter="x/../../../stolen")

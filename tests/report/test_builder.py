@@ -11,7 +11,7 @@ import pytest
 from report_cases import CASES, result, whole_report
 
 from icmj.errors import ReportError
-from icmj.report import build_report
+from icmj.report.builder import build_report
 from icmj.report.panels import PANELS
 
 pytestmark = pytest.mark.slow  # every figure of every case is drawn

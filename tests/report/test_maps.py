@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from icmj.case.result import SweepTable
 from icmj.errors import ReportError
-from icmj.report import build_report, plots
+from icmj.report import plots
+from icmj.report.builder import build_report
 from icmj.report.maps import edges, grid, motions, pictures, regions
 
 B, Q = np.linspace(0.8, 1.2, 9), np.geomspace(1e-3, 1e-1, 21)

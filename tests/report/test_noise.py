@@ -20,7 +20,8 @@ from icmj.log.writer import summarise as properties
 from icmj.measurement.measurement import measure
 from icmj.measurement.statistics import statistics
 from icmj.plant.linear_plant import transformation
-from icmj.report import build_report, sections
+from icmj.report import sections
+from icmj.report.builder import build_report
 from icmj.report.figures import draw_histogram
 from icmj.report.panels import PANELS
 from icmj.report.sections import Picture

@@ -14,8 +14,10 @@ import pytest
 from log_cases import made_up, with_scene
 from report_browser import CHROMIUM, chromium
 
-from icmj.log import read_log, read_scene, write_log
-from icmj.report import build_report
+from icmj.log.figure import read_scene
+from icmj.log.reader import read_log
+from icmj.log.writer import write_log
+from icmj.report.builder import build_report
 from icmj.report.drawing import moving, script
 from icmj.runfile.reading import parse_run
 from icmj.simulation.simulation import Scene

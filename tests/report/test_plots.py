@@ -238,11 +238,11 @@ def test_double_steps_are_drawn_where_they_were_found():
     assert len(lines) == 2
     for line in lines:
         np.testing.assert_allclose(line.get_ydata(), 0.14 + np.maximum(0, 0.4 - line.get_xdata()), atol=1e-9)
-    pairs = icmj.StepPairs([[1.0, 1.5]], [[1.0, -2.0]])
+    pairs = icmj.controller.StepPairs([[1.0, 1.5]], [[1.0, -2.0]])
     t = 0.01 * np.arange(400)
     u = (t >= 1.2) - 2.0 * (t >= 1.7)
-    still = icmj.StepResponse(np.array([[-1.0]]), np.zeros(1), np.zeros(1), 1.0)
-    found = icmj.reconstruct_steps(icmj.Series(t, u[:, None], ("u",), ("m",)), "u", pairs, response=still)
+    still = icmj.experiments.StepResponse(np.array([[-1.0]]), np.zeros(1), np.zeros(1), 1.0)
+    found = icmj.experiments.reconstruct_steps(icmj.Series(t, u[:, None], ("u",), ("m",)), "u", pairs, response=still)
     PLOTS.reconstruction(left, found)
     assert left.get_ylabel() == "control (m)"
     assert len(left.patches) == 2

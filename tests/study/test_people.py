@@ -52,7 +52,7 @@ def test_it_stands_like_young_people(case, people, plant, seeds):
             signals = icmj.Series(run.t, run.x @ ground.C.T, ("force_angle", "cop.x"), ("rad", "m"))
         else:
             force = ground_force(case.model, run).chosen(["force.x", "force.z", "cop.x"])
-            signals = icmj.force_angle(force, "force.x", "force.z").chosen(["force_angle", "cop.x"])
+            signals = icmj.experiments.force_angle(force, "force.x", "force.z").chosen(["force_angle", "cop.x"])
         even = sample_rows(signals, run, RATE, SETTLE)
         return {"values": even.values}
 
@@ -67,7 +67,7 @@ def test_it_stands_like_young_people(case, people, plant, seeds):
         powers.append(np.interp(at, sway.spectrum.frequency[1:], np.log10(1e6 * sway.spectrum.power[1:, 0])) - mean)
         H = c.diffusion.short.H, c.diffusion.long.H
         measured.append((1e3 * c.rms, 1e3 * c.speed, c.frequencies.slope, c.frequencies.mean, *H))
-        points.append(icmj.intersection_point(series, cop="cop.x", height=ground.height))
+        points.append(icmj.experiments.intersection_point(series, cop="cop.x", height=ground.height))
     z = np.array(
         [
             (np.array(values) - mean) / deviation

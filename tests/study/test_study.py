@@ -12,8 +12,9 @@ from icmj.case.case import prepare, simulate
 from icmj.case.comparison import compare
 from icmj.controller.controller import continuous_limit
 from icmj.errors import ModelError, RunFileError
-from icmj.log import read_log, write_log
-from icmj.report import build_report
+from icmj.log.reader import read_log
+from icmj.log.writer import write_log
+from icmj.report.builder import build_report
 from icmj.runfile.reading import load_run, parse_run
 from icmj.study.study import find_runs, run_case, run_study
 

@@ -35,7 +35,7 @@ def test_an_exact_cycle_is_found_where_it_repels_and_said_to_be_none_where_there
 def test_attractors_are_those_of_the_search(tmp_path: Path) -> None:
     (row,) = rows(sweep_file(tmp_path, B.format([0.8]), ask="attractors = 3"))
     case = icmj.prepare(icmj.load_run("simple-0.8"))
-    found = icmj.attractors(
+    found = icmj.experiments.attractors(
         case.actual.linearisation.plant, case.controller, case.settings, starts=3, seed=case.run.study.seed
     )
     assert row["attractors"] == len(found)

@@ -1,0 +1,3 @@
+from .comparison import Comparison as Comparison
+
+__all__: list[str]

@@ -1,0 +1,24 @@
+from .controller import RecordedLaw as RecordedLaw
+from .controller import continuous_limit as continuous_limit
+from .delayed import Channel as Channel
+from .realisation import Guard as Guard
+from .realisation import Layout as Layout
+from .realisation import Mode as Mode
+from .realisation import Realisation as Realisation
+from .realisation import parallel as parallel
+from .setpoint import Setpoint as Setpoint
+from .setpoint import StepPairs as StepPairs
+from .setpoint import double_steps as double_steps
+from .setpoint import find_step_pairs as find_step_pairs
+from .setpoint import polygon as polygon
+from .setpoint import pulse as pulse
+from .setpoint import ramp as ramp
+from .setpoint import sines as sines
+from .setpoint import step as step
+from .setpoint import ternary as ternary
+from .trigger import Faces as Faces
+from .trigger import RecordedRule as RecordedRule
+from .trigger import Trigger as Trigger
+from .trigger import as_weight as as_weight
+
+__all__: list[str]

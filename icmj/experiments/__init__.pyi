@@ -1,0 +1,29 @@
+from .attraction import Attraction as Attraction
+from .attraction import Rounds as Rounds
+from .attraction import attractors as attractors
+from .attraction import measure_growth as measure_growth
+from .attraction import measure_law as measure_law
+from .attraction import rounds as rounds
+from .attraction import rounds_of as rounds_of
+from .many import Batch as Batch
+from .multisine import FrequencyResponse as FrequencyResponse
+from .multisine import Multisine as Multisine
+from .multisine import StanceChannels as StanceChannels
+from .multisine import fit_channels as fit_channels
+from .multisine import frequency_response as frequency_response
+from .quiet_standing import IntersectionPoint as IntersectionPoint
+from .quiet_standing import Recording as Recording
+from .quiet_standing import Standing as Standing
+from .quiet_standing import force_angle as force_angle
+from .quiet_standing import intersection_curve as intersection_curve
+from .quiet_standing import intersection_point as intersection_point
+from .reconstruction import FittedResponse as FittedResponse
+from .reconstruction import Reconstruction as Reconstruction
+from .reconstruction import StepResponse as StepResponse
+from .reconstruction import own_response as own_response
+from .reconstruction import reconstruct_steps as reconstruct_steps
+from .refractoriness import Explanation as Explanation
+from .refractoriness import Refractoriness as Refractoriness
+from .refractoriness import explain_reactions as explain_reactions
+
+__all__: list[str]

@@ -1,0 +1,3 @@
+from . import plots as plots
+
+__all__: list[str]

@@ -1,0 +1,3 @@
+from .series import piecewise as piecewise
+
+__all__: list[str]
