@@ -1,6 +1,6 @@
 """``{public-names} part``: the public names of one part of icmj, and their data; ``{public-index}``: all of them.
 
-A name finds its page by the folder of its home, so that a new one is documented as soon as it is public. Its path is
+A name finds its page by its home, so that a new one is documented as soon as it is public. Its path is
 ``icmj.NAME``, or ``icmj.ROOM.NAME`` where a room has it.
 """
 
@@ -11,6 +11,7 @@ import inspect
 import re
 import sys
 from collections.abc import Iterable, Iterator
+from functools import cache
 from typing import Any
 
 from docutils import nodes
@@ -24,10 +25,10 @@ PARTS: dict[str, tuple[str, ...]] = {
     "theory": ("theory",),
     "simulation": ("case", "simulation", "linear"),
     "cycles": ("cycle",),
-    "measurement": ("measurement", "comparison", "experiments"),
-    "sweeps": ("sweeps", "identification"),
+    "measurement": ("measurement", "case.comparison", "experiments"),
+    "sweeps": ("study.sweep", "fitting.identification", "fitting.observed"),
     "people": ("fitting",),
-    "logs": ("result", "log", "report", "study", "view"),
+    "logs": ("case.result", "log", "report", "study"),
     "run-files": ("runfile",),
     "series": ("series",),
 }
@@ -65,8 +66,8 @@ class PublicIndex(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         lines: list[str] = []
         for home, room in _homes().items():
-            if home != "icmj":
-                lines += [f"### {home}", "", _sentence(room).replace(r"\|", "|"), ""]
+            said = "What people meet first." if home == "icmj" else _sentence(room).replace(r"\|", "|")
+            lines += [f"### {home}", "", said, ""]
             lines += ["```{eval-rst}", ".. list-table::", "   :widths: 30 70", ""]
             for name in sorted(_names(room), key=str.lower):
                 said = _sentence(getattr(room, name))
@@ -80,7 +81,7 @@ class PublicIndex(SphinxDirective):
 
 def _sentence(thing: object) -> str:
     first = " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split())
-    return re.split(r"(?<=[.])\s+(?=[A-Z`])|:$", first)[0].replace("|", r"\|")  # not a substitution
+    return re.split(r"(?<=[.])(?<!eqs[.])\s+(?=[A-Z`])|:$", first)[0].replace("|", r"\|")  # not a substitution
 
 
 def _entry(path: str, thing: object) -> list[str]:
@@ -106,6 +107,7 @@ def _inside(things: Iterable[Any]) -> Iterator[type]:
                 yield each
 
 
+@cache
 def surface() -> dict[str, Any]:
     """Every public class and function by its path."""
     return {f"{home}.{name}": getattr(room, name) for home, room in _homes().items() for name in _names(room)}
@@ -128,8 +130,10 @@ def _name(path: str) -> str:
 
 
 def _part_of(module: str) -> str:
-    folder = module.split(".")[1]
-    return next((part for part, folders in PARTS.items() if folder in folders), OTHERS)
+    """The page of a module, or else of its folder."""
+    place = module.partition(".")[2]
+    of = {home: part for part, homes in PARTS.items() for home in homes}
+    return of.get(place) or of.get(place.split(".")[0], OTHERS)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -46,7 +46,7 @@ from icmj.work.own_code import Fact, digest_of, plain, reference_of
 
 
 class Law(ABC):
-    """A controller; simulations use this interface and its :class:`icmj.controller.realisation.Realisation`.
+    """A controller; simulations use this interface and its :class:`icmj.controller.Realisation`.
 
     Your own controller is a frozen dataclass that inherits from ``Law``.
 

@@ -191,7 +191,7 @@ def write_branch(branch: Branch, path: Path | str) -> None:
 
 
 def read_branch(path: Path | str) -> Branch:
-    """Read a branch that :func:`write_branch` wrote.
+    """Read a branch that :func:`icmj.cycle.write_branch` wrote.
 
     Raises:
         LogError: if the file does not exist, or is not a branch of this version.

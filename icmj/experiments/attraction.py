@@ -412,10 +412,10 @@ def attraction(
     duration: float = 40.0,
     progress: Callable[[float], None] | None = None,
 ) -> Attraction:
-    """The map of attraction over gains: the factor per round for every pair of gains (:func:`rounds`).
+    """The map of attraction over gains: the factor per round for every pair of gains (:func:`icmj.experiments.rounds`).
 
     Args:
-        plant, law, duration: as for :func:`rounds`; the gains of the law are replaced.
+        plant, law, duration: as for :func:`icmj.experiments.rounds`; the gains of the law are replaced.
         P, D: gains, shapes (p,) and (d,).
         progress: called repeatedly with the completed fraction, 0–1.
     """

@@ -284,7 +284,7 @@ LONGEST = 1e9  # s, thirty years: the viewer counts nanoseconds in 64 bits
 
 
 class SimulationTable(TomlTable):
-    """Duration, initial state and accuracy of a run; see :class:`icmj.simulation.Settings`."""
+    """Duration, initial state and accuracy of a run; see :class:`icmj.Settings`."""
 
     duration: Annotated[Positive, Field(ge=SHORTEST, le=LONGEST)] = 30.0
     """Duration of the run [s]."""
