@@ -31,7 +31,7 @@ from icmj.base.array import Array, between
 from icmj.base.numbers import Card, WithCard
 from icmj.base.version import VERSION
 from icmj.controller.controller import Controller, Law, has_trigger
-from icmj.measurement.measurement import Measurement, reduced_states
+from icmj.measurement.measurement import Measurement, measure, reduced_states
 from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant, transformation
 from icmj.runfile.schema import RunFile
@@ -187,11 +187,11 @@ class Result(WithCard):
         """The motion of the run in one sentence."""
         if self.measurement is not None:
             return self.measurement.words
-        count = len(self.simulation.events)
-        switches = self.simulation.mode.size and not self.controller.realisation.eventful
-        what = f"it switched {count} times" if switches else f"it had {count} events"
+        count, eventful = len(self.simulation.events), self.controller.realisation.eventful
+        what = f"it had {count} events" if eventful or not self.simulation.mode.size else f"it switched {count} times"
         more = f"; {what}" if count else ""
-        return f"Under {self.controller.kind} control the run {self.simulation.outcome.message}{more}."
+        said = f"Under {self.controller.kind} control the run {self.simulation.outcome.message}{more}."
+        return f"{said} {measure(self.simulation).words}" if count and eventful else said
 
     def to_series(self, rate: float | None = None) -> Series:
         """Every signal of the run, as :meth:`icmj.Simulation.to_series` with its controller and pushes gives them.

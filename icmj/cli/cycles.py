@@ -57,41 +57,45 @@ def cycle(command: arguments.Cycle) -> None:
 
 
 def _rounds(case: Case, plant: PlantKind, json: bool) -> None:
-    """What a run under a switched controller settles on: rounds that shrink, grow, or are a cycle."""
+    """What a run without a prediction settles on: a cycle of events, or rounds of switches that shrink or grow."""
     from dataclasses import asdict
 
     from icmj.errors import CycleError
-    from icmj.experiments.attraction import rounds_of
+    from icmj.experiments.attraction import Rounds, rounds_of
+    from icmj.measurement.measurement import Measurement, measure
     from icmj.study.study import admit, run_case
 
-    run = case.run
+    run, real = case.run, case.controller.realisation
     with Working(f"cycle of {run.case.name}", ERR) as working:
-        if not case.controller.realisation.guards:
+        if not (real.guards or real.eventful):
             raise CycleError(
                 f"{run.path}: a controller that never switches has no cycle of its own, and its motion dies out or "
                 "grows; icmj run shows it"
             )
         admit(case, plant, None)
         done = run_case(case, plant, lambda part: working.tell(f"cycle of {run.case.name}", part))
-        found = rounds_of(done.simulation)
+        found = measure(done.simulation) if real.eventful else rounds_of(done.simulation)
     simulation = done.simulation
+    period = float("nan") if found.period is None else found.period
     reach = {
         name: (float(high), float(low))
-        for name, high, low in zip(
-            simulation.labels.outputs, *_reach(simulation, found.period), strict=True
-        )
-    }  # fmt: skip
+        for name, high, low in zip(simulation.labels.outputs, *_reach(simulation, period), strict=True)
+    }
+    verdict = found.kind if isinstance(found, Measurement) else found.verdict
     if json:
-        OUT.show(plain(asdict(found) | {"verdict": found.verdict, "words": found.words, "reach": reach}))
+        OUT.show(plain(asdict(found) | {"verdict": verdict, "words": found.words, "reach": reach}))
         return
     OUT.say(f"{run.title} ({plant}): {found.words}")
     say_changes(run, OUT)
-    if found.switches and found.verdict == "on the edge":
+    if verdict == "cycle" or (isinstance(found, Rounds) and found.switches and verdict == "on the edge"):
         OUT.say("Only the cycle that this run settles on is found; repelling ones are not looked for.")
-    if not np.isnan(found.multiplier):
+    elif verdict == "noisy":
+        OUT.say("Under noise there is no cycle; --set 'simulation.disturbance=[]' leaves the noise out.")
+    if isinstance(found, Rounds) and not np.isnan(found.multiplier):
         OUT.say(f"A departure from the settled motion is multiplied by {found.multiplier:.4g} in a round.")
+    last = "in the whole run" if np.isnan(period) else "in the last round"
     for name, (high, low) in reach.items():
-        OUT.say(f"{name}: {low:.6g} to {high:.6g} in the last round")
+        OUT.say(f"{name}: {low:.6g} to {high:.6g} {last}")
 
 
 def _reach(simulation: Simulation, period: float) -> tuple[Array, Array]:

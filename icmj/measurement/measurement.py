@@ -208,7 +208,12 @@ class _Return:
 
 @limit_to_one_thread()
 def measure(
-    simulation: Simulation, *, T_hat: Array, max_period: int = 8, tolerance: float = 1e-6, floor: float = 1e-11
+    simulation: Simulation,
+    *,
+    T_hat: Array | None = None,
+    max_period: int = 8,
+    tolerance: float = 1e-6,
+    floor: float = 1e-11,
 ) -> Measurement:
     """Classify the motion of ``simulation`` from the states x̄ = (x, x_o − T̂x) and the intervals at its events.
 
@@ -218,13 +223,14 @@ def measure(
 
     Args:
         simulation: a run on the linear plant or in MuJoCo, driven by events or a clock.
-        T_hat: T̂, shape (n̂, n).
+        T_hat: T̂, shape (n̂, n); ``None`` for a controller without an observer, of whose motion x alone is compared.
         max_period: largest number of events per period that is tried.
         tolerance: relative closure error that counts as settled.
         floor: closure error that is attributed to rounding, so that its trend is ignored.
     """
     K = len(simulation.events)
     events = simulation.events
+    T_hat = np.zeros((0, simulation.x.shape[1])) if T_hat is None else T_hat
     states = event_states(simulation, T_hat)
     if simulation.outcome.kind in ("fell", "diverged"):
         return _other(simulation, "growth", f"No cycle: the run {simulation.outcome.message}.")

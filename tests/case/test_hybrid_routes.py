@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from hybrid_cases import FOLDER, NAMES
@@ -48,3 +50,21 @@ def test_an_experiment_identifies_plain_feedback(tmp_path, capsys) -> None:
     printed = capsys.readouterr().out
     for value in ("810", "270", "0.7"):
         assert value in printed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "events", "interval"),
+    # an event rule that remembers fires where it fires without memory: its cycle is that of the event rule
+    [("hysteresis", 1, None), ("saturating", 1, None), ("reflex", 2, 1.29248), ("alert", 1, 0.324621)],
+)
+def test_their_cycles_are_found_by_simulation(name, events, interval, capsys) -> None:
+    """What a run settles on is told from its events, whatever the controller is."""
+    line = ["cycle", str(FOLDER / f"{name}.toml"), "--allow-code", "--plant", "linear", "--json"]
+    assert main([*line, "--set", "simulation.disturbance=[]", "--set", "simulation.duration=240"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["verdict"], found["p"], found["mirrored"]) == ("cycle", events, name == "reflex")
+    if interval is None:
+        run = icmj.load_run(FOLDER.parents[1] / "runs" / "rivals" / "one-link-event.toml")
+        interval = icmj.prepare(run.with_(**{"controller.delta_min": 0.0})).prediction.delta_crit
+    assert found["interval"] == pytest.approx(interval, rel=1e-5)
