@@ -46,7 +46,10 @@ if TYPE_CHECKING:
     from icmj.runfile.schema import RunFile
     from icmj.theory.prediction import Prediction
 
-HOMOCLINIC = "homoclinic: each open-loop interval is longer than the one before, and the motion settles on no cycle."
+KINDS = {
+    "homoclinic": "homoclinic: each open-loop interval is longer than the one before; the motion settles on no cycle.",
+    "growth": "growth: the motion grows until the body falls, or to the end of the run.",
+}
 MODES = ("neutral", "uncontrollable", "unobservable")
 
 
@@ -176,8 +179,9 @@ def show_comparisons(comparisons: Sequence[Comparison], out: Terminal, *, change
     ]
     brackets = "; in brackets: no cycle is predicted" * any(row[2].startswith("(") for row in rows)
     show_table(COLUMNS, rows, out, title=f"Predicted and measured open-loop interval, in seconds{brackets}", keys=2)
-    if any(row[3] == "homoclinic" for row in rows):
-        out.say(HOMOCLINIC)
+    for kind, words in KINDS.items():
+        if any(row[3] == kind for row in rows):
+            out.say(words)
     for case, changes in {c.case: c.changes for c in comparisons if c.changes}.items():
         out.say(f"{case}: {changes[:1].lower()}{changes[1:]}")
     for notice in collect_notes(comparisons):

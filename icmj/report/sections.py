@@ -245,8 +245,16 @@ def _single(case: CaseRuns) -> str:
     if comparison.measured.converged:
         close = _percent(abs(comparison.relative_error.interval or 0.0))
         said += f"settles on it, with an interval within {close} of the predicted one"
-        return f"{said}: prediction and measurement agree. {sway}".strip()
+        return f"{said}: prediction and measurement agree. {_falls(case)}{sway}".strip()
     return f"{said}does not settle on it. {' '.join(verdicts(case))} {sway}".strip()
+
+
+def _falls(case: CaseRuns) -> str:
+    """From how many of the starts of the search for attractors the linear plant falls, in words; empty if from none."""
+    found = () if case.linear is None else case.linear.attractors
+    fallen = sum(each.count for each in found if each.measurement.kind == "growth")
+    tried = sum(each.count for each in found)
+    return f"From {fallen} of {tried} other starts the linear plant falls. " if fallen else ""
 
 
 def _describe_hold(others: Sequence[Result]) -> str:
@@ -306,6 +314,7 @@ def law(cases: Sequence[CaseRuns], pictures: Mapping[str, Picture], first_number
                     "number": first_number + len(items),
                     "threshold": in_unit("Threshold", threshold_unit(result)),
                     "picture": pictures[case.name],
+                    "open": bool(np.isnan(result.law.interval_error).any()),
                     "interval_slope": f"{result.law.interval_slope:.3f}",
                     "amplitude_slope": f"{result.law.amplitude_slope:.3f}",
                     "rows": [
@@ -457,7 +466,9 @@ def attractors(cases: Sequence[CaseRuns]) -> Section | None:
 
 
 def _peak(found: Attractor, units: tuple[Quantity, ...]) -> str:
-    """Peak of all outputs if they share a unit, else of the first."""
+    """Peak of all outputs if they share a unit, else of the first; of a motion that grows there is none."""
+    if found.measurement.kind == "growth":
+        return numbers.MISSING
     amplitude = np.asarray(found.measurement.amplitude)
     peak = float(np.max(amplitude if len(set(units)) == 1 else amplitude[:1])) * units[0].factor
     unit = units[0].unit.replace("deg", "°")
@@ -473,6 +484,8 @@ def motion(found: Attractor) -> str:
             return f"{'mirrored ' if measurement.mirrored else ''}cycle of {events}"
         case "homoclinic":
             return "intervals grow without bound"
+        case "growth":
+            return "grows without bound: a fall"
         case kind:
             return kind
 

@@ -184,13 +184,20 @@ def _unknown(key: str, table: _Place, schema: type[BaseModel]) -> str:
     inner = {one: f"{name}.{one}" for model in models for name, ones in _tables(model).items() for one in ones}
     near = did_you_mean(key, keys)
     if not near and table and key in inner:
-        near = f"; did you mean {inner[key]}?"
+        near = f"; did you mean {_path(table)}{inner[key]}?"
     if not near and any(key in names for names in _tables(schema).values()):
-        home = next(name for name, names in _tables(schema).items() if key in names)
-        near = f"; it belongs in [{home}]"
+        homes = [f"[{name}]" for name, names in _tables(schema).items() if key in names]
+        near = f"; it belongs in {' or '.join(homes)}"
     if not near and table and (found := nearest(key, inner)):
-        near = f"; did you mean {inner[found]}?"
+        near = f"; did you mean {_path(table)}{inner[found]}?"
+    if key == "b" and not table:
+        near = "; b is actual.gain"
     return f"no such key{near or f'; there are {_list_values(sorted(keys))}'}"
+
+
+def _path(table: _Place) -> str:
+    """A table's dotted key, with a dot behind it; empty where an entry of a list is on the way."""
+    return "" if any(isinstance(part, int) for part in table) else "".join(f"{part}." for part in table)
 
 
 def _tables(schema: type[BaseModel]) -> dict[str, list[str]]:

@@ -123,6 +123,18 @@ def test_a_body_of_another_mass_is_no_exact_model(tmp_path, monkeypatch):
     assert "linearised at the pose in which it is balanced" in dom["text"]
 
 
+def test_a_threshold_that_is_passed_until_an_action_is_no_earlier_event(tmp_path, monkeypatch):
+    """At the instant of the action, before it, the rule was judged; study and cycle found the cycle that attracts."""
+    monkeypatch.setattr(live, "GAINS", (0.8, 1.0))
+    monkeypatch.setattr(live, "DELAYS", ())
+    page = tmp_path / "live.html"
+    options = ["--set", "actual.gain=0.8", "--set", "assumed.delay=0.15"]
+    assert main(["live", "three-link-0.9", "-o", str(page), "-q", *options]) == 0
+    dom = played(page.read_text(encoding="utf-8"), tmp_path, FIRST)
+    assert "events are Δ = 0.2022 s apart" in dom["said"]
+    assert "reached earlier" not in dom["said"]
+
+
 def test_a_controller_without_an_internal_model(tmp_path):
     page = tmp_path / "live.html"
     assert main(["live", "runs/rivals/one-link-switching.toml", "-o", str(page), "-q"]) == 0

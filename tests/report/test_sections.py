@@ -270,6 +270,18 @@ def test_attractors_bear_the_marks_of_the_summary():
     assert sections.attractors(pair([other])).context["rows"][0]["mark"][0] == "○"  # the prediction is local
 
 
+def test_starts_from_which_the_plant_falls_are_said_at_the_top():
+    """The table said "growth" and a peak of many turns; the headline, that prediction and measurement agree."""
+    found = result("b0.8")
+    fallen = replace(found_by(found), measurement=replace(found.measurement, kind="growth"), count=11, share=11 / 24)
+    reached = replace(found_by(found), count=13, share=13 / 24)
+    cases = pair([replace(found, attractors=(reached, fallen))])
+    assert "From 11 of 24 other starts the linear plant falls." in sections.headline(cases)
+    row = sections.attractors(cases).context["rows"][1]
+    assert (row["motion"], row["peak"], row["starts"]) == ("grows without bound: a fall", "–", "11 of 24")
+    assert "falls" not in sections.headline(pair([found]))
+
+
 def test_one_design_is_shown_once():
     context = sections.designs(pair(everything())).context
     assert len(context["blocks"]) == 2

@@ -48,7 +48,7 @@ function lookUp({ b, delay, q, least }) {
     const R = controller.R.map((line) => line.map((value) => (value * model.q) / q));
     const share = (w) => Math.max(...controller.cuts.slice(1).map((end, j) => Math.hypot(...R.slice(controller.cuts[j], end)
       .map((line) => line.reduce((sum, value, k) => sum + value * w[n + k], 0)))));
-    const early = found.orbit.find(([t, w]) => t > Math.max(least, delay) && t < 0.985 * delta && share(w) >= 1);
+    const early = found.orbit.find(([t, w]) => t > Math.max(least, delay) + 1e-6 && t < 0.985 * delta && share(w) >= 1);
     found.early = early ? early[0] : null;
   }
   const end = delta === null ? Math.min(last, 2) : Math.min(1.25 * delta + 0.1, last + 0.2);
