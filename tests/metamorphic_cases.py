@@ -231,11 +231,13 @@ def play(drawn: Drawn, plant: str) -> icmj.Simulation:
     return icmj.simulate(icmj.prepare(file_of(drawn)), plant, trigger=trigger_of(drawn))  # type: ignore[arg-type]
 
 
-def differ(a: icmj.Simulation, b: icmj.Simulation, until: float, floor: float, shift: float = 0.0) -> str:
+def differ(
+    a: icmj.Simulation, b: icmj.Simulation, until: float, floor: float, shift: float = 0.0, least: float = 1e-9
+) -> str:
     """How two runs differ before ``until`` more than what was there before can have grown to; empty if they do not.
 
     ``floor`` is the difference that they begin with, of the times of events [s] and, relative to the largest, of
-    states; ``b`` is later by ``shift``.
+    states; ``b`` is later by ``shift``. A motion smaller than ``least`` is that of rounding.
     """
     here, there = a.events.t, b.events.t - shift
     last, close = floor, until
@@ -263,7 +265,7 @@ def differ(a: icmj.Simulation, b: icmj.Simulation, until: float, floor: float, s
     if rows.any():
         # where nothing but an observer moves, the plant moves by rounding of what that does; what is smaller still
         # is rounding of the sizes that the files state
-        size = max(np.abs(a.x).max(), np.abs(a.x_o).max(initial=0.0), 1e-9)
+        size = max(np.abs(a.x).max(), np.abs(a.x_o).max(initial=0.0), least)
         worst = float(np.abs(a.x[rows] - b.x[place[rows]]).max() / size)
         if worst > GROWTH * max(last, floor):
             return f"rows differ by {worst:.2e} of the largest, events by {last:.2e} s"
@@ -340,7 +342,9 @@ def _shift(drawn: Drawn, rng: random.Random, plant: str) -> str:
     other = replace(base, changes={**base.changes, **moved})
     other = other.changed(simulation__duration=base.duration + shift)
     a, b = play(base, plant), play(other, plant)
-    return differ(a, b, min(base.duration, a.t[-1]) - JUST, 1e-11 if plant == "linear" else 1e-9, shift)
+    # at rest until the controller takes up the set-point, the plant moves by rounding of how far that has moved
+    least = max([1e-9, *(abs(of["size"]) for of in begun.get("setpoint", []))])
+    return differ(a, b, min(base.duration, a.t[-1]) - JUST, 1e-11 if plant == "linear" else 1e-9, shift, least)
 
 
 def scaled(drawn: Drawn, by: float) -> Drawn:

@@ -48,7 +48,7 @@ def _samples(engine, plan, stepper, progress, record, t, length, stop):  # type:
 
     A row close to a sample takes its place, except where rows are kept ``apart``.
     """
-    spacing, j = length / stepper.looks, 1
+    spacing, j = stop / stepper.looks, 1  # of a step that an event ends, as many as of a whole one
     margin, near = 1e-9 * length, 0.0 if stepper.apart else 0.25 * spacing
     while True:
         sample, row = j * spacing, progress[0].next_row - t
