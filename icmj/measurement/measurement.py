@@ -223,14 +223,14 @@ def measure(
 
     Args:
         simulation: a run on the linear plant or in MuJoCo, driven by events or a clock.
-        T_hat: T̂, shape (n̂, n); ``None`` for a controller without an observer, of whose motion x alone is compared.
+        T_hat: T̂, shape (n̂, n); ``None`` where there is no model that it could be of: zero.
         max_period: largest number of events per period that is tried.
         tolerance: relative closure error that counts as settled.
         floor: closure error that is attributed to rounding, so that its trend is ignored.
     """
     K = len(simulation.events)
     events = simulation.events
-    T_hat = np.zeros((0, simulation.x.shape[1])) if T_hat is None else T_hat
+    T_hat = np.zeros((events.x_o.shape[1], simulation.x.shape[1])) if T_hat is None else T_hat
     states = event_states(simulation, T_hat)
     if simulation.outcome.kind in ("fell", "diverged"):
         return _other(simulation, "growth", f"No cycle: the run {simulation.outcome.message}.")

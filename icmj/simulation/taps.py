@@ -25,7 +25,7 @@ from icmj.simulation.settings import Settings, at_points, points_of
 POWERS = 21  # p + 1: what they leave out of a motion that turns by up to 1.5 rad in a unit of time is below rounding
 ROUGH = 12  # levels from here on are smooth to rounding: what jumps has thirteen integrals by then
 ROUGH_ON_ENGINE = 7  # what jumps there is a derivative beyond those that its methods and polynomials follow
-FASTEST = 1e10  # rad/s; instants are apart by SAME at least
+FASTEST = 1e13  # rad/s; beyond, a stretch is no more than rounding of the time
 _NODES = 13
 ROOM = 5e8  # bytes of what a controller remembers of its readings
 _QUEUE = 64  # actions that may be due beside those of a clock
