@@ -85,12 +85,10 @@ class Bare(icmj.Law):
 
 
 @dataclass(frozen=True, eq=False)
-class Given(icmj.Law):
-    """A controller that is this realisation."""
+class Own(icmj.Law):
+    """A controller for an assumed plant, of which there is nothing to say."""
 
     assumed: LinearPlant
-    given: Any
-    kind = "given"
 
     @property
     def plant(self) -> LinearPlant:
@@ -98,6 +96,14 @@ class Given(icmj.Law):
 
     def facts(self) -> Mapping[str, Any]:
         return {}
+
+
+@dataclass(frozen=True, eq=False)
+class Given(Own):
+    """A controller that is this realisation."""
+
+    given: Any
+    kind = "given"
 
     @property
     def realisation(self) -> Realisation:
@@ -105,14 +111,13 @@ class Given(icmj.Law):
 
 
 @dataclass(frozen=True, eq=False)
-class Ramp(icmj.Law):
+class Ramp(Own):
     """A state that grows by 1/s beside a PD: an event where it is 1 sets it to ``keep`` of that, an action halves it.
 
     What it does is known by hand: with a delay of 1 s and ``keep`` 0, state and action are due at 1 s together. The
     action is first, so the event is at 1.5 s, and every 1.5 s, the last at the very end of 6 s.
     """
 
-    assumed: LinearPlant
     taps: tuple[float, ...] = (0.0,)
     delay: float = 0.0
     wait: float = 0.0
@@ -120,13 +125,6 @@ class Ramp(icmj.Law):
     sampling: float = 0.0
     keep: float = 0.0
     kind = "ramp"
-
-    @property
-    def plant(self) -> LinearPlant:
-        return self.assumed
-
-    def facts(self) -> Mapping[str, Any]:
-        return {}
 
     @cached_property
     def realisation(self) -> Realisation:

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
@@ -182,7 +183,7 @@ class Result(WithCard):
         line = f"{case.name}, {run.line}; {prediction.line}; {motion.line}"
         return Card(line, (*rows, *prediction.rows[:5], *run.rows, *motion.rows[:2]), self.words)
 
-    @property
+    @cached_property  # of a run under noise, statistics take as long as the run
     def words(self) -> str:
         """The motion of the run in one sentence."""
         if self.measurement is not None:

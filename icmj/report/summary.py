@@ -326,7 +326,7 @@ def overview_figure(cases: Sequence[CaseRuns], *, narrow: bool = False) -> Figur
     from matplotlib.figure import Figure
 
     width, pitch, above = (NARROW, TALL, ROOF) if narrow else (WIDTH, ROW, ABOVE)
-    titles = [_balanced(case.first.run.title, LONG if narrow else LONGEST) for case in cases]
+    titles = [_balance(case.first.run.title, LONG if narrow else LONGEST) for case in cases]
     pitches = pitch + LINE * np.array([title.count("\n") for title in titles])
     ends = np.cumsum(pitches)  # mm from the upper edge of the axes, as are the rows
     rows = ends - pitch / 2 + 2.0 if narrow else ends - pitches / 2
@@ -366,7 +366,7 @@ def overview_figure(cases: Sequence[CaseRuns], *, narrow: bool = False) -> Figur
     return figure
 
 
-def _balanced(title: str, longest: int) -> str:
+def _balance(title: str, longest: int) -> str:
     """A title on as few lines as this length allows, about equally long; quantities stay with their units."""
     title, width = str(unbroken(title)), longest
     lines = fill(title, width)

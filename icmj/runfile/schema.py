@@ -145,10 +145,12 @@ def value_text(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(value_text, value))}]"
     if isinstance(value, Mapping):
-        return f"{{ {', '.join(f'{key_text(key)} = {value_text(each)}' for key, each in value.items())} }}"
+        inside = ", ".join(f"{key_text(key)} = {value_text(each)}" for key, each in value.items())
+        return f"{{ {inside} }}" if inside else "{}"
     return repr(value)
 
 
+_UNKNOWN = object()  # what a file had of which a log keeps only that it was changed
 MOST_BYTES = 10_000_000  # of all files together; a log of more goes without them
 
 
@@ -269,6 +271,7 @@ class RunFile(TomlTable):
     _allows_code: bool = PrivateAttr(default=False)
     _kept: Kept = PrivateAttr(default_factory=Kept)
     _changes: dict[str, str] = PrivateAttr(default_factory=dict)  # by key, in the order in which they were made
+    _of_file: dict[str, Any] = PrivateAttr(default_factory=dict)  # what the file had, of each key that was changed
 
     @classmethod
     def validated(cls, data: Mapping[str, Any], path: Path) -> RunFile:
@@ -300,6 +303,8 @@ class RunFile(TomlTable):
             if (value := _value_at(after, place)) != _value_at(before, place):
                 asked = value if changes[key] is None else plain(changes[key])
                 changed._changes[key] = "none" if asked is None else value_text(_without_zeros(asked))
+                if changed._of_file.setdefault(key, _value_at(before, place)) == value:
+                    del changed._changes[key]  # as it was
         return changed
 
     def _with(self, changes: Mapping[str, Any]) -> RunFile:
@@ -311,7 +316,8 @@ class RunFile(TomlTable):
             except RunFileError as error:
                 raise RunFileError(f"{self._path}: {error}") from error
         changed = type(self).validated(data, self._path)
-        changed._allows_code, changed._kept, changed._changes = self._allows_code, self._kept, dict(self._changes)
+        changed._allows_code, changed._kept = self._allows_code, self._kept
+        changed._changes, changed._of_file = dict(self._changes), dict(self._of_file)
         return changed
 
     @property
@@ -323,6 +329,7 @@ class RunFile(TomlTable):
         """The same run file, of which these values are known to have been changed before."""
         same = self.model_copy()
         same._changes = {str(key): str(value) for key, value in dict(changes).items()}
+        same._of_file = dict.fromkeys(same._changes, _UNKNOWN)
         return same
 
     @property

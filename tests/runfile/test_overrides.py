@@ -113,3 +113,14 @@ def test_what_is_put_in_is_not_shared(run):
     thresholds = [0.1, 0.01]
     run.with_(**{"study.law_q_t": thresholds, "study.law_q_t[0]": 0.2})
     assert thresholds == [0.1, 0.01]
+
+
+def test_a_value_that_is_put_back_has_not_changed(root) -> None:
+    run = load_run(root / "runs" / "three-link-0.9.toml")
+    there = run.with_(**{"actual.gain": 0.8, "assumed.delay": 0.1})
+    assert there.with_(**{"actual.gain": 0.9}).changes == {"assumed.delay": "0.1"}
+    back = there.with_(**{"actual.gain": 0.9, "assumed.delay": 0.0})
+    assert (dict(back.changes), back.title) == ({}, run.case.title)
+    # of a run that a log has, nobody knows what its file had
+    logged = run.with_(**{"actual.gain": 0.8}).recall({"actual.gain": "0.8"})
+    assert logged.with_(**{"actual.gain": 0.85}).with_(**{"actual.gain": 0.8}).changes == {"actual.gain": "0.8"}

@@ -32,7 +32,7 @@ from icmj.engine.native.adaptive import (
 )
 from icmj.engine.native.loop import FixedLoop, active, evaluate, reached
 from icmj.engine.native.memory import bare, compiled, entry, inlined, merged, run_guarded, sources
-from icmj.engine.native.state import apply, conclude, jump, note, planned, standing
+from icmj.engine.native.state import apply, conclude, find_due, jump, note, standing
 from icmj.engine.schedule import EVENT_TOLERANCE, Recording, Schedule, Status
 
 # constants that compiled code freezes
@@ -190,7 +190,7 @@ def _advance(engine, plan, rule, stepper, room_for_roots, progress, record, step
         if len(record.dense) - record.count[0] < len(record.dense) // 4 + stepper.looks + 2:
             break
         t = time[0]
-        due = planned(plan, progress, has_rule)
+        due = find_due(plan, progress, has_rule)
         target = min(plan.t_end, due.clock, due.edge, due.action)
         # what is due where the step ends comes before a look at E at the same instant
         watched_from = due.rule if due.rule < target else np.inf

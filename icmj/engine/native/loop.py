@@ -37,10 +37,10 @@ from icmj.engine.native.state import (
     apply,
     conclude,
     engine_of,
+    find_due,
     jump,
     new_progress,
     plan_of,
-    planned,
     progress_at,
     rule_of,
     standing,
@@ -365,7 +365,7 @@ def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-un
     _levels(rule)
     for _ in range(steps):
         t = time[0]
-        due = planned(plan, progress, has_rule)
+        due = find_due(plan, progress, has_rule)
         arm = np.inf if armed else due.rule
         target = min(plan.t_end, arm, due.clock, due.edge, due.action)
         lands = target - t <= plan.timestep * (1 + 1e-9)

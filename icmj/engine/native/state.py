@@ -483,7 +483,7 @@ class Planned(NamedTuple):
 
 
 @exact
-def planned(plan, progress, has_rule):  # type: ignore[no-untyped-def]
+def find_due(plan, progress, has_rule):  # type: ignore[no-untyped-def]
     """The next due time; ``has_rule`` says whether there is an event rule."""
     waits, end = not has_rule or progress[0].sample < np.inf, plan.t_end
     edge = plan.edges[progress[0].edge] if progress[0].edge < len(plan.edges) else np.inf
