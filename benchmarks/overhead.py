@@ -13,7 +13,8 @@ from benchmarks.task import three_link
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.native.adaptive_loop import AdaptiveLoop
 from icmj.engine.native.state import neighbours_of, rates_at
-from icmj.engine.schedule import Status, recording
+from icmj.engine.schedule import recording
+from icmj.simulation.native.loop import Status
 from icmj.simulation.settings import Settings
 
 DURATION, RECORD_INTERVAL = 15.0, 0.01

@@ -14,7 +14,8 @@ from benchmarks.task import three_link
 from icmj.engine.native.field import callbacks
 from icmj.engine.native.loop import FixedLoop
 from icmj.engine.safety import install_callbacks
-from icmj.engine.schedule import Status, recording
+from icmj.engine.schedule import recording
+from icmj.simulation.native.loop import Status
 from icmj.simulation.settings import Settings
 
 STEPS = 2000

@@ -159,6 +159,10 @@ fused = within(fastmath={"contract"}, _nrt=False)
 """``compiled``, with products added in one rounding, for a recurrence; its terms stay as they are written."""
 inlined = within(fastmath=SUMS, forceinline=True, _nrt=False)
 """``summing``, put into its callers: a call would copy all arguments, which here are many."""
+exact = within(forceinline=True, _nrt=False)
+"""``inlined``, with every sum in the order written."""
+merged = within(inline="always")
+"""A function that stands in one entry point as if written there: it is not compiled twice."""
 allocating = within()
 """``compiled``, for one that makes arrays."""
 viewing = within(fastmath=SUMS, forceinline=True)

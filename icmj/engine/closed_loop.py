@@ -44,11 +44,12 @@ from icmj.engine.model import depart, model_name, state_names
 from icmj.engine.operating_point import state_units
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.safety import EngineFault, install_callbacks, words
-from icmj.engine.schedule import Schedule, States, Status, fastest_rate, is_stiff, phases_of, recording
+from icmj.engine.schedule import Schedule, States, fastest_rate, is_stiff, phases_of, recording
 from icmj.errors import ModelError
 from icmj.simulation import ending
 from icmj.simulation.disturbance import NO_PUSHES, Acting, Disturbance, Pushes, acting_on, no_disturbance
 from icmj.simulation.ending import Outcome
+from icmj.simulation.native.loop import Status
 from icmj.simulation.settings import Settings, points_between
 from icmj.simulation.taps import POWERS
 

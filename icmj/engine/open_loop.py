@@ -18,10 +18,11 @@ from icmj.engine.closed_loop import CHUNK, ComposedLoop, close_loop
 from icmj.engine.model import data_at
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.safety import EngineFault, can_fault
-from icmj.engine.schedule import Recording, Schedule, Status, recording
+from icmj.engine.schedule import Recording, Schedule, recording
 from icmj.engine.tapped import close
 from icmj.errors import CycleError, SimulationError
 from icmj.simulation.ending import OpenLoopInterval, Sample, one_in_flight
+from icmj.simulation.native.loop import Status
 from icmj.simulation.settings import LEAST_TOLERANCE, Settings
 
 if TYPE_CHECKING:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -235,19 +234,6 @@ def phases_of(edges: Array) -> Array:
     if len(edges) == 0:
         return np.zeros(1)
     return np.concatenate([[edges[0] / 2], (edges[1:] + edges[:-1]) / 2, [edges[-1] + 1]])
-
-
-class Status(IntEnum):
-    """Why a loop returned."""
-
-    RUNNING = 0
-    COMPLETED = 1
-    FELL = 2
-    DIVERGED = 3
-    WARNED = 4
-    REACHED = 5  # as many events as were asked for
-    COLLAPSED = 6  # no step was short enough for the tolerance
-    STALLED = 7  # modes switch to and fro at one instant
 
 
 class Recording(NamedTuple):

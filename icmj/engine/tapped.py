@@ -32,9 +32,10 @@ from icmj.engine.closed_loop import (
 )
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.safety import EngineFault, words
-from icmj.engine.schedule import Recording, Schedule, Status, fastest_rate, is_stiff, phases_of, recording
+from icmj.engine.schedule import Recording, Schedule, fastest_rate, is_stiff, phases_of, recording
 from icmj.simulation import ending
 from icmj.simulation.disturbance import acting_on
+from icmj.simulation.native.loop import Status
 from icmj.simulation.settings import LEAST_TOLERANCE, Settings, points_between
 from icmj.simulation.taps import (
     POWERS,
@@ -136,7 +137,7 @@ class TappedLoop(ComposedLoop):
     ) -> TappedRecord:
         """Run from ``data``, which are at the run's begin or at a ``stand``, until the schedule's end or another."""
         from icmj.engine.native.adaptive_loop import AdaptiveLoop
-        from icmj.engine.native.tapped import FULL, SAMPLES, march
+        from icmj.engine.native.tapped import SAMPLES, march
 
         mujoco.mj_forward(self.model, data)
         tapped = self._make_tapped(data, schedule, stand)
@@ -161,7 +162,7 @@ class TappedLoop(ComposedLoop):
                         with unhurried():
                             steps += int(record.count[3])
                             crowded = pace.stalled(*log.take(record))
-                    if status == FULL:
+                    if status == Status.FULL:
                         tapped = tapped._replace(history=widen(tapped.history), now=lengthen(tapped.now))
                         status = int(Status.RUNNING)
                     if data.time >= stands[-1].t + every and not tapped.track.marks[2]:
@@ -214,8 +215,9 @@ class TappedLoop(ComposedLoop):
         )  # fmt: skip
         own_states = n_a if joint else 0
         track = Track(
-            t=np.array([stand.t, stand.t, stand.event, stand.t, 0.0]), marks=np.array([stand.level, -1, 0, 0, 0, 0, 0]),
-            counts=np.array([0, 0, np.searchsorted(edges, stand.t - SAME)]),
+            t=np.array([stand.t, stand.t, stand.event, stand.t, 0.0]),
+            marks=np.array([stand.level, -1, 0, 0, 0, 0, 0, 0]),
+            counts=np.array([0, 0, np.searchsorted(edges, stand.t - SAME), 0]),
             at=np.zeros(_SAMPLES), y=np.zeros((_SAMPLES, n_y + own_states)),
             states=np.zeros((0 if schedule.tolerance > 0 else _SAMPLES, self.width)),
             near=np.zeros(_SAMPLES, np.int64), begin=np.zeros(self.model.nq + self.model.nv + self.model.na),
@@ -231,7 +233,7 @@ class _Log:
     def __init__(self, loop: TappedLoop, tapped: Tapped, data: mujoco.MjData, schedule: Schedule) -> None:
         here = np.concatenate([[data.time], data.qpos, data.qvel, data.act, data.sensordata])
         self._loop, self._track = loop, tapped.track
-        self.rows, self.mode = [here[None, :]], [tapped.now.mode.copy()]
+        self.rows, self.mode = [here[None, :]], [tapped.now.mode[:1].copy()]
         self.u = [first_command(tapped.taps, tapped.history, tapped.now)[None, :]]
         self.events: list[Array] = [np.empty((0, loop.width))]
         self._rough: list[Array] = []

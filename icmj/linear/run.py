@@ -21,13 +21,13 @@ from icmj.base.process import defer_interrupt, limit_to_one_thread
 from icmj.controller.controller import Law, has_trigger
 from icmj.controller.realisation import Realisation
 from icmj.linear.loop import positions_of
-from icmj.linear.native.state import Status
 from icmj.linear.native.tapped import Body, Grid, Track, marching
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
 from icmj.simulation.disturbance import acting_on, collect_drives, keep_rows
 from icmj.simulation.ending import EventPace
+from icmj.simulation.native.loop import Status
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.settings import Settings, plant_start, points_between, start_states
 from icmj.simulation.simulation import Events, Simulation, labels_of
@@ -110,21 +110,21 @@ def simulate_tapped(
         interval=float(settings.record_interval), end=float(settings.duration), F=from_powers(POWERS - 1),
     )  # fmt: skip
     track = Track(
-        t=np.zeros(3), level=np.array([first_level(realisation)]), mode=now.mode.copy(), counts=np.array([0, 1, 0, 0]),
+        t=np.zeros(3), level=np.array([first_level(realisation)]), counts=np.array([0, 1, 0, 0, 0, 0]),
         X=np.zeros((n, POWERS)), y=np.zeros((n_y + 1, POWERS)), room=np.zeros((2, POWERS)),
         high=plant.C @ x, low=plant.C @ x,
         rows=np.zeros((_TAPPED_ROWS + int(min(H / body.interval, 1e7)), 2 + n + n_u)),
         events=np.zeros((_TAPPED_EVENTS, 1 + n + 2 * n_y)),
     )  # fmt: skip
     track.X[:, 0] = x
-    rows = [np.concatenate([[0.0], x, first_command(taps, history, now), now.mode])[None, :]]
+    rows = [np.concatenate([[0.0], x, first_command(taps, history, now), now.mode[:1]])[None, :]]
     events, pace, outcome, march = [track.events[:0].copy()], EventPace(settings.duration), None, marching()
 
     def keep() -> Array:
         with defer_interrupt():
             rows.append(track.rows[: track.counts[2]].copy())
             events.append(track.events[: track.counts[3]].copy())
-            track.counts[2:] = 0
+            track.counts[2:4] = 0
             return events[-1][:, 0]
 
     try:
@@ -134,9 +134,9 @@ def simulate_tapped(
             body = body._replace(lasting=lasting.reach(t), wrong=wrong.reach(t))
             if progress is not None:
                 progress(t / settings.duration)
-            if status == -1:
+            if status == Status.FULL:
                 history, now = widen(history), lengthen(now)
-            elif status == Status.ENDED:
+            elif status == Status.COMPLETED:
                 happened = np.concatenate(events)[:, 0] if realisation.eventful else np.zeros(0)
                 outcome = ending.ran(settings.duration, np.diff(happened, prepend=0.0), least_of(realisation))
             elif status == Status.FELL:

@@ -14,12 +14,13 @@ from icmj.base.array import Array
 from icmj.base.process import defer_interrupt
 from icmj.controller.controller import Controller, compose, start_state
 from icmj.linear.loop import LinearLoop, forcing, linear_loop
-from icmj.linear.native.state import FRESH, Acting, Count, Now, Run, Status, Tables
+from icmj.linear.native.state import FRESH, Acting, Count, Now, Run, Tables
 from icmj.linear.tables import Response, tables
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
 from icmj.simulation.disturbance import Disturbance, Pushes, acting_on
 from icmj.simulation.ending import EventPace, OpenLoopInterval, Outcome, Sample, one_in_flight
+from icmj.simulation.native.loop import ACTED, EDGE, PLANNED, TICK, Status
 from icmj.simulation.settings import Bias, Settings, Step
 
 _ROWS, _EVENTS = 8192, 512  # of the buffers
@@ -83,7 +84,8 @@ class Simulator:
         self._m, self._n_y, several = m, n_y, np.isfinite(interval)
         self._capacity = capacity = max(_ROWS, 2 * rows) if several else 8
         self._run = Run(
-            now=np.zeros(len(Now)), counts=np.zeros(len(Count), np.int64), w=np.zeros(len(T.J)),
+            now=np.zeros(len(Now)), counts=np.zeros(len(Count), np.int64), when=np.zeros(3), due=np.zeros(5, np.int64),
+            queue=np.zeros(int(T.delay / T.clock) + 4), w=np.zeros(len(T.J)),
             s=np.zeros(T.W.shape[1]), begun=np.zeros(m), ended=np.zeros(m), row=np.zeros(m),
             high=np.zeros(n_y), low=np.zeros(n_y), rows_t=np.empty(capacity), rows_z=np.empty((capacity, m)),
             events=np.empty((_EVENTS if several else 1, 1 + m + 2 * n_y)),
@@ -101,24 +103,20 @@ class Simulator:
 
     def begin(self, w: Array, t: float) -> None:
         """Start from ``w`` right after an event at ``t``."""
-        run, controller, T = self._run, self.loop.controller, self.tables
-        clock, delay, counts = controller.trigger.clock, controller.delay.t_d, run.counts
+        run, T, counts, due = self._run, self.tables, self._run.counts, self._run.due
         run.w[:] = w
         run.now[:] = 0.0
-        run.now[[Now.TIME, Now.ROW, Now.READY]] = t, t, t + controller.wait
-        run.now[[Now.TICK, Now.ACTION]] = np.inf
-        run.now[Now.EDGE] = T.edges[np.searchsorted(T.edges, t, side="right")]
+        run.now[[Now.TIME, Now.ROW]] = t
         counts[:] = 0
         counts[Count.NEXT], counts[Count.AGE], counts[[Count.CELL, Count.ENDED]] = 1, FRESH, -1
         counts[Count.STRETCH] = np.searchsorted(T.points, t, side="right")
-        if np.isfinite(clock):
-            counts[Count.TICK] = int(np.floor(t / clock * (1 + 1e-12))) + 1
-            counts[Count.ACTED] = counts[Count.TICK] - 1
-            run.now[Now.TICK] = counts[Count.TICK] * clock
-        if controller.delay:
-            # the event at the start makes a prediction like any other
-            on_tick = T.ticks >= 0 and counts[Count.ACTED] * clock == t
-            run.now[Now.ACTION] = (counts[Count.ACTED] + T.ticks) * clock if on_tick else t + delay
+        # the event at the start makes a prediction like any other
+        run.when[:] = t + T.wait, np.inf, t
+        due[:] = 0
+        due[EDGE] = np.searchsorted(T.edges, t, side="right")
+        due[TICK] = int(np.floor(t / T.clock * (1 + 1e-12))) + 1
+        if T.delay > 0:
+            run.queue[0], due[[ACTED, PLANNED]] = t + T.delay, (0, 1)
         run.high[:] = run.low[:] = self.loop.plant.C @ self.loop.x(w)
 
     def run(self, w: Array, progress: Callable[[float], None] | None = None) -> tuple[Collection, Outcome]:
@@ -148,10 +146,10 @@ class Simulator:
             while outcome is None:
                 # who follows the run hears of every event
                 status, *_ = self.advance(1 << 40 if progress is None else 1)
-                times = keep(status is Status.ENDED)
+                times = keep(status is Status.COMPLETED)
                 if progress is not None:
                     progress(self.t / duration)
-                if status is Status.ENDED:
+                if status is Status.COMPLETED:
                     least = self.loop.controller.least
                     outcome = ending.ran(duration, np.diff(np.concatenate(events)[:, 0], prepend=0.0), least)
                 elif status in (Status.FELL, Status.DIVERGED):
@@ -191,7 +189,7 @@ class Simulator:
         while (acting := self._acting()) is not known:
             status = self._call(self._simulate, self.tables, acting, self._run, events)
             full = counts[Count.EVENTS] == len(self._run.events)  # what acts next may have changed at the same time
-            if status != Status.MORE or full:
+            if status != Status.RUNNING or full:
                 break
             known = acting
         return Status(status), int(counts[Count.ROWS]), int(counts[Count.EVENTS])
@@ -203,7 +201,7 @@ class Simulator:
             return self._response.acting
         if cell < 0:  # where the step before is about to end, the compiled simulation comes back for the next
             cell = int(now[Now.TIME] / T.step)
-        return self._response.reach(cell, float(now[Now.EDGE]))
+        return self._response.reach(cell, float(T.edges[self._run.due[EDGE]]))
 
     def last_event(self) -> tuple[float, Array, Array, Array]:
         """Of the last event recorded: its time [s], z before the reset, largest and smallest outputs until then."""
@@ -229,7 +227,7 @@ class LinearOpenLoop:
         x, x_o = np.asarray(x, float), np.asarray(x_o, float)
         x_h = x_o if x_h is None else np.asarray(x_h, float)
         simulator.begin(loop.state(x, start_state(loop.controller, x_o, x_h)), t)
-        while (status := simulator.advance(1)[0]) is Status.MORE:
+        while (status := simulator.advance(1)[0]) is Status.RUNNING:
             pass
         if status is Status.REACHED:
             end, z, y_max, y_min = simulator.last_event()
@@ -237,7 +235,7 @@ class LinearOpenLoop:
         else:
             end, z = simulator.t, simulator.z.copy()
             y_max, y_min = np.full(loop.plant.n_y, np.nan), np.full(loop.plant.n_y, np.nan)
-            outcome = ending.ran(end, np.zeros(0), 0.0) if status is Status.ENDED else simulator.outcome(status)
+            outcome = ending.ran(end, np.zeros(0), 0.0) if status is Status.COMPLETED else simulator.outcome(status)
         x = loop.x(z)
         return OpenLoopInterval(end - t, x, loop.x_o(z), loop.x_h(z), loop.plant.C @ x, y_max, y_min, outcome)
 

@@ -257,8 +257,7 @@ def tables(
         clock=controller.trigger.clock,
         wait=controller.wait,
         sampling=controller.sampling_delay,
-        delay=controller.delay.t_d,
-        ticks=_ticks(controller.delay.t_d, controller.trigger.clock),
+        delay=_round_delay(controller.delay.t_d, controller.trigger.clock),
         coarse=_COARSE,
         controls=(_COARSE + 1) * (len(faces) + len(outputs)),
         places=places,
@@ -448,7 +447,7 @@ def shift(powers: int, signals: int, by: float) -> Array:
     return np.kron(shift.reshape(powers, powers), np.eye(signals))
 
 
-def _ticks(delay: float, clock: float) -> int:
-    """The delay in intervals of the clock where it is a multiple of that, else −1."""
+def _round_delay(delay: float, clock: float) -> float:
+    """The delay, exactly a multiple of the clock's interval where it is nearly one."""
     number = round(delay / clock) if np.isfinite(clock) else 0
-    return number if number and abs(delay / clock - number) < _TICK * number else -1
+    return number * clock if number and abs(delay / clock - number) < _TICK * number else delay

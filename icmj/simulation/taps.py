@@ -110,17 +110,14 @@ class Now(NamedTuple):
     """The present state of the controller, and work arrays.
 
     Attributes:
-        mode: shape (1,).
+        mode: the present one, and that of the last stretch of any length, shape (2,).
         sign: whether each guard is positive, shape (G,).
         roots: where on the stretch each changes its sign first, in units of time, shape (G,).
         a: state, shape (N_a,).
-        met: which guard, or face of the rule (numbered behind them), was reached where the last stretch ended, −1 for
-            none; how many stretches in a row have ended soon in a switch; and whether a fall was met; shape (3,).
-        due: numbers of the next reset of the period, the next edge of a signal, the next tick, and of the actions that
-            have been carried out and those that have been queued, shape (5,).
-        when: when the rule is watched again, when the sample is taken for which the rule has reached a face, which is
-            the event, and the last event [s], shape (3,).
-        queue: times of actions, in a ring, shape (capacity,).
+        met: which guard, or face of the rule (numbered behind them), is met where the last stretch ended and something
+            else is due, and which ended it, −1 for none; how many stretches in a row have ended soon in a switch; and
+            whether a fall is met; shape (4,).
+        due, when, queue: what is planned, see :mod:`icmj.simulation.native.loop`; shapes (5,), (3,), (capacity,).
         v, A, u: readings, state and command on the stretch under way, shapes (n_v, p + 1), (N_a, p + 1), (n_u, p + 1).
         last: command at the end of the stretch before, shape (n_u,).
         after: room for a state, shape (N_a,).
@@ -222,8 +219,8 @@ def begin(
     if acts:
         queue[0] = taps.delay
     return history, Now(
-        mode=np.array([realisation.following(0, w)]), sign=sign, roots=np.zeros(len(sign)), a=a,
-        met=np.array([-1, 0, 0]),
+        mode=np.repeat(realisation.following(0, w), 2), sign=sign, roots=np.zeros(len(sign)), a=a,
+        met=np.array([-1, -1, 0, 0]),
         due=np.array([1, 0, 1, 0, int(acts)]), when=np.array([taps.wait, np.inf, 0.0]), queue=queue,
         v=np.zeros((n_v, POWERS)), A=np.zeros((size, POWERS)), u=np.zeros((n_u, POWERS)), last=np.zeros(n_u),
         after=np.zeros(size),

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -31,12 +31,37 @@ from icmj.engine.native.adaptive import (
     stepper_of,
 )
 from icmj.engine.native.loop import FixedLoop, active, evaluate, reached
-from icmj.engine.native.memory import bare, compiled, entry, inlined, merged, run_guarded, sources
-from icmj.engine.native.state import apply, conclude, find_due, jump, note, standing
-from icmj.engine.schedule import EVENT_TOLERANCE, Recording, Schedule, Status
+from icmj.engine.native.memory import bare, compiled, entry, exact, merged, run_guarded, sources
+from icmj.engine.native.state import (
+    RESTARTED,
+    STALE,
+    Engine,
+    Plan,
+    Rule,
+    act,
+    change,
+    end,
+    fire,
+    note,
+    note_step,
+    standing,
+    tick,
+)
+from icmj.engine.schedule import EVENT_TOLERANCE, Recording, Schedule
+from icmj.simulation.native.loop import (
+    ARRIVED,
+    EDGE,
+    READY,
+    Status,
+    await_sample,
+    is_watched,
+    next_instant,
+    run_loop,
+)
+from icmj.simulation.native.loop import sources as sources_of_loop
 
 # constants that compiled code freezes
-_RUNNING, _COLLAPSED = int(Status.RUNNING), int(Status.COLLAPSED)
+_RUNNING, _FELL, _COLLAPSED = int(Status.RUNNING), int(Status.FELL), int(Status.COLLAPSED)
 _GROWTH, _SHRINKAGE, _SAFETY = schedule.GROWTH, schedule.SHRINKAGE, schedule.SAFETY
 _rounded = compiled(schedule.round_step)
 _SHORTEST, _NUDGE, _TOLERANCE = schedule.SHORTEST, schedule.NUDGE, EVENT_TOLERANCE
@@ -173,76 +198,87 @@ def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, 
     return False, _RUNNING
 
 
-@inlined
-def _reached(rule):  # type: ignore[no-untyped-def]
-    """Whether the event function is zero or positive at the engine's state."""
-    evaluate(rule)
-    return reached(rule.now)
+class Adapted(NamedTuple):
+    """All that the flow of adapted steps works on."""
+
+    engine: Engine
+    plan: Plan
+    rule: Rule
+    stepper: Any
+    roots: Any
+    progress: Any
+    record: Recording
 
 
-@merged
-def _advance(engine, plan, rule, stepper, room_for_roots, progress, record, steps):  # type: ignore[no-untyped-def]
+@exact
+def _travel(f):  # type: ignore[no-untyped-def]
+    """One step, or the part of it until an event."""
+    engine, plan, rule, stepper, progress, recorded = f.engine, f.plan, f.rule, f.stepper, f.progress, f.record
     time, has_rule = engine.time, len(rule.now) > 0
-    status = _RUNNING
-    if progress[0].steps == 0:  # the run begins, right after a forward pass
+    t = time[0]
+    if progress[0].left == 0 or len(recorded.dense) - recorded.count[0] < len(recorded.dense) // 4 + stepper.looks + 2:
+        return _RUNNING
+    progress[0].left -= 1
+    if progress[0].stale == RESTARTED:  # right after a forward pass
         rates_at(engine, stepper, stepper.K[0])
-    for _ in range(steps):
-        if len(record.dense) - record.count[0] < len(record.dense) // 4 + stepper.looks + 2:
-            break
-        t = time[0]
-        due = find_due(plan, progress, has_rule)
-        target = min(plan.t_end, due.clock, due.edge, due.action)
+    elif progress[0].stale == STALE:
+        pass_at(engine, stepper)
+    target = next_instant(plan, rule, plan.edges[rule.due[EDGE]], plan.t_end)
+    starts = False
+    if progress[0].stale == RESTARTED and has_rule and is_watched(rule, t):
+        evaluate(rule)
+        starts = reached(rule.now)  # beyond the threshold from the beginning
+    progress[0].stale, progress[0].length = 0, 0.0 if starts else target - t
+    fired, status = False, _RUNNING
+    if target > t and not starts:
         # what is due where the step ends comes before a look at E at the same instant
-        watched_from = due.rule if due.rule < target else np.inf
-        progress[0].length = target - t
-        fired = False
-        if progress[0].steps == 0 and due.rule <= t and _reached(rule):
-            fired, progress[0].length = True, 0.0
-        elif target > t:
-            fired, status = _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, watched_from)
-        progress[0].steps += 1
-        lands = time[0] >= target
-        status = standing(engine, plan) if status == _RUNNING else status
-        moved = status == _RUNNING and lands and jump(engine, rule, due.edge)
-        acts = status == _RUNNING and lands and time[0] >= due.action
-        if acts:
-            apply(rule.G, rule)
-            progress[0].acted += 1
-        if acts or moved:
-            fired = False  # judged anew, of the state that this has left
-            pass_at(engine, stepper)
-        if status == _RUNNING and lands and time[0] >= due.rule:
-            fired = fired or _reached(rule)
-        fired, jumped, status = conclude(engine, plan, progress, rule, record, due, lands, acts, fired, status)
-        if fired:
-            progress[0].next_step, progress[0].fresh = progress[0].first_step, 1
-            for i in range(len(stepper.reach)):
-                stepper.reach[i] = 0.0
-        if jumped:
-            pass_at(engine, stepper)
-        if status != _RUNNING:
-            break
+        watched_from = rule.when[READY] if has_rule and rule.when[READY] < target - SAME else np.inf
+        fired, status = _fly(engine, plan, rule, stepper, f.roots, progress, recorded, target, watched_from)
+    progress[0].steps += 1
+    status = standing(engine, plan) if status == _RUNNING else status
+    progress[0].lands, progress[0].met, progress[0].status = starts or time[0] >= target, fired, status
+    if status in (_RUNNING, _FELL):
+        return ARRIVED
+    note_step(f, False, False)
     return status
+
+
+@exact
+def _cross(f, moved):  # type: ignore[no-untyped-def]
+    """Whether the event function has reached zero; after an event steps begin anew."""
+    engine, rule, progress, stepper = f.engine, f.rule, f.progress, f.stepper
+    if moved:
+        pass_at(engine, stepper)
+        progress[0].stale = 0
+    fired = progress[0].met != 0 and not moved
+    if not fired and progress[0].lands != 0 and len(rule.now) > 0 and is_watched(rule, engine.time[0]):
+        evaluate(rule)
+        fired = reached(rule.now)
+    if fired and not await_sample(f.plan, rule, engine.time[0]):
+        progress[0].stale, fired = STALE, False
+    return fired
+
+
+@exact
+def _fire(f):  # type: ignore[no-untyped-def]
+    """An event, after which steps begin anew."""
+    fire(f)
+    f.progress[0].next_step, f.progress[0].fresh = f.progress[0].first_step, 1
+    for i in range(len(f.stepper.reach)):
+        f.stepper.reach[i] = 0.0
 
 
 @cache
 def adaptive_loop() -> Any:
     """The compiled loop of adapted steps."""
-    source = sources()
+    source = sources() + sources_of_loop()
 
     @entry
-    def advance(engine, plan, rule, progress, stepper, room_for_roots, record, steps):  # type: ignore[no-untyped-def]
+    def advance(engine, plan, rule, progress, stepper, roots, record, steps):  # type: ignore[no-untyped-def]
         progress[0].source = source
-        return _advance(
-            bare(engine),
-            bare(plan),
-            bare(rule),
-            bare(stepper),
-            bare(room_for_roots),
-            bare(progress),
-            bare(record),
-            steps,
-        )
+        progress[0].left = steps
+        flow = Adapted(bare(engine), bare(plan), bare(rule), bare(stepper), bare(roots), bare(progress), bare(record))
+        return run_loop(flow, _travel, change, act, tick, _cross, note_step, _fire, end)
 
     return advance
 

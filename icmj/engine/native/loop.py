@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from copy import copy as copy_of
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.process import SWITCH
-from icmj.base.roots import SAME
+from icmj.base.roots import SAME, one
 from icmj.engine.block import Block, Slot, Stages, block_of
 from icmj.engine.native.adaptive import roots, stepper_of
 from icmj.engine.native.field import drive, flow, forward
@@ -33,21 +33,39 @@ from icmj.engine.native.memory import (
 from icmj.engine.native.state import (
     EULER,
     IMPLICIT,
+    RESTARTED,
     RK4,
-    apply,
-    conclude,
+    STALE,
+    Engine,
+    Plan,
+    Rule,
+    act,
+    change,
+    end,
     engine_of,
-    find_due,
-    jump,
+    fire,
     new_progress,
+    note_step,
     plan_of,
     progress_at,
     rule_of,
     standing,
+    tick,
 )
 from icmj.engine.safety import can_fault
-from icmj.engine.schedule import EVENT_TOLERANCE, Recording, Schedule, Status, tableau
+from icmj.engine.schedule import EVENT_TOLERANCE, Recording, Schedule, tableau
 from icmj.errors import ModelError
+from icmj.simulation.native.loop import (
+    ARRIVED,
+    EDGE,
+    READY,
+    Status,
+    await_sample,
+    is_watched,
+    next_instant,
+    run_loop,
+)
+from icmj.simulation.native.loop import sources as sources_of_loop
 
 # numba rewrites calls of types, which type checkers cannot see
 # mypy: disable-error-code="call-arg, call-overload"
@@ -328,7 +346,7 @@ def search(engine, progress, rule, rate, length):  # type: ignore[no-untyped-def
 # mypy: disable-error-code="call-arg, call-overload"
 
 
-_RUNNING = int(Status.RUNNING)
+_RUNNING, _FELL = int(Status.RUNNING), int(Status.FELL)
 
 
 @merged
@@ -357,73 +375,91 @@ def _levels(rule):  # type: ignore[no-untyped-def]
     copy(rule.now, rule.before)
 
 
-@merged
-def _advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-untyped-def]
+class Fixed(NamedTuple):
+    """All that the flow of fixed steps works on."""
+
+    engine: Engine
+    plan: Plan
+    rule: Rule
+    progress: Any
+    record: Recording
+
+
+@exact
+def _travel(f):  # type: ignore[no-untyped-def]
+    """One step, or the part of it until an event."""
+    engine, plan, rule, progress = f.engine, f.plan, f.rule, f.progress
     time, has_rule = engine.time, len(rule.now) > 0
-    armed = progress[0].armed != 0
-    status = _RUNNING
-    _levels(rule)
-    for _ in range(steps):
-        t = time[0]
-        due = find_due(plan, progress, has_rule)
-        arm = np.inf if armed else due.rule
-        target = min(plan.t_end, arm, due.clock, due.edge, due.action)
-        lands = target - t <= plan.timestep * (1 + 1e-9)
-        length = target - t if lands else plan.timestep
-        fired = False
-        progress[0].length = length
-        if length > 0:
-            save(engine)
-            progress[0].begin = t
-            progress[0].end = target if lands else progress[0].grid + (progress[0].steps + 1) * plan.timestep
+    t = time[0]
+    if progress[0].left == 0:
+        return _RUNNING
+    progress[0].left -= 1
+    if progress[0].stale == STALE:
+        refresh(engine)
+    if progress[0].stale != 0:
+        _levels(rule)
+    target = next_instant(plan, rule, plan.edges[rule.due[EDGE]], plan.t_end)
+    armed = has_rule and is_watched(rule, t)
+    if has_rule and not armed:
+        target = min(target, one(rule.when[READY], target))
+    lands = target - t <= plan.timestep * (1 + 1e-9)
+    length = target - t if lands else plan.timestep
+    fired, starts = False, progress[0].stale == RESTARTED and armed and reached(rule.now)
+    progress[0].stale = 0
+    if starts:  # beyond the threshold from the beginning
+        length = 0.0
+    progress[0].length = length
+    if length > 0:
+        save(engine)
+        progress[0].begin = t
+        progress[0].end = target if lands else progress[0].grid + (progress[0].steps + 1) * plan.timestep
+        step(engine, progress, length)
+        fired = _fired(engine, progress, rule, plan.rate, length, armed)
+        if fired and lands and target - SAME <= time[0] < target:  # at the instant at which something else is due
+            undo(engine, progress)
             step(engine, progress, length)
-            fired = _fired(engine, progress, rule, plan.rate, length, armed)
-            if fired and lands and target - SAME <= time[0] < target:  # at the instant at which something else is due
-                undo(engine, progress)
-                step(engine, progress, length)
-                evaluate(rule)
-            lands = lands and time[0] >= target
-            copy(rule.now, rule.before)
-        if fired or lands:
-            progress[0].grid, progress[0].steps = time[0], 0
-        else:
-            progress[0].steps += 1
-        status = standing(engine, plan)
-        moved = status == _RUNNING and lands and jump(engine, rule, due.edge)
-        acts = status == _RUNNING and lands and time[0] >= due.action
-        if acts:
-            apply(rule.G, rule)
-            progress[0].acted += 1
-        if acts or moved:
-            fired = False  # judged anew, of the state that this has left
-            refresh(engine)
-            _levels(rule)
-        if status == _RUNNING and lands and (time[0] >= arm or (armed and (acts or moved))):
-            armed = True
-            fired = fired or reached(rule.now)
-        fired, jumped, status = conclude(engine, plan, progress, rule, record, due, lands, acts, fired, status)
-        if fired:
-            armed = has_rule and max(plan.delta_min, plan.delay) == 0
-        if progress[0].sample < np.inf:
-            armed = False
-        if jumped:
-            refresh(engine)
-            _levels(rule)
-        if status != _RUNNING:
-            break
-    progress[0].armed = 1 if armed else 0
+            evaluate(rule)
+        lands = lands and time[0] >= target
+        copy(rule.now, rule.before)
+    if fired or lands:
+        progress[0].grid, progress[0].steps = time[0], 0
+    else:
+        progress[0].steps += 1
+    status = standing(engine, plan)
+    progress[0].lands, progress[0].met, progress[0].status = lands or starts, fired, status
+    if status in (_RUNNING, _FELL):
+        return ARRIVED
+    note_step(f, False, False)
     return status
+
+
+@exact
+def _cross(f, moved):  # type: ignore[no-untyped-def]
+    """Whether the event function has reached zero."""
+    engine, rule, progress = f.engine, f.rule, f.progress
+    if moved:
+        refresh(engine)
+        _levels(rule)
+        progress[0].stale = 0
+    fired = progress[0].met != 0 and not moved
+    if not fired and progress[0].lands != 0 and len(rule.now) > 0 and is_watched(rule, engine.time[0]):
+        fired = reached(rule.now)
+    if fired and not await_sample(f.plan, rule, engine.time[0]):
+        progress[0].stale, fired = STALE, False
+    return fired
 
 
 @cache
 def fixed_loop() -> Any:
     """The compiled loop of fixed steps."""
-    source = sources()
+    source = sources() + sources_of_loop()
 
     @entry
     def advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-untyped-def]
         progress[0].source = source
-        return _advance(bare(engine), bare(plan), bare(rule), bare(progress), bare(record), steps)
+        progress[0].left = steps
+        flow = Fixed(bare(engine), bare(plan), bare(rule), bare(progress), bare(record))
+        return run_loop(flow, _travel, change, act, tick, _cross, note_step, fire, end)
 
     return advance
 
@@ -450,7 +486,8 @@ class FixedLoop:
         phase = block.header[Slot.PHASE : Slot.PHASE + 1]
         plan = plan_of(schedule, qpos_0, model)
         self._progress = new_progress()
-        self._run = engine_of(model, data, phase, self.adaptive), plan, rule_of(block, data), self._progress
+        rule = rule_of(block, data, schedule)
+        self._run = engine_of(model, data, phase, self.adaptive), plan, rule, self._progress
         self._faulty = can_fault(model)
         self.begin()
         _verify(data, block)
@@ -475,7 +512,7 @@ class FixedLoop:
 
     def begin(self) -> None:
         """Start or restart from the state in the data, right after an event."""
-        progress_at(self._data.time, self._schedule, self._progress)
+        progress_at(self._data.time, self._schedule, *self._run[1:])
         self._block.header[Slot.PHASE] = self._schedule.phases[self._schedule.first_edge(self._data.time)]
         mujoco.mj_forward(self._model, self._data)
 

@@ -22,18 +22,13 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from icmj.base.compilation import allocating, call, compiled, contents, entry, inlined, viewing, within
+from icmj.base.compilation import allocating, call, compiled, contents, entry, exact, inlined, merged, viewing
 from icmj.base.compilation import c_entry as entry_cfunc
 from icmj.base.process import INTERPRETED, SWITCH
 from icmj.engine.safety import guard
 from icmj.errors import ModelError
 
 MODEL_AND_DATA = "void(intp, intp)"
-
-exact = within(forceinline=True, _nrt=False)
-"""``inlined``, with every sum in the order written: for what has to equal the engine's to the last bit."""
-merged = within(inline="always")
-"""A function that stands in one entry point as if written there: it is not compiled twice."""
 
 
 @cache

@@ -15,7 +15,6 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.process import INTERPRETED
-from icmj.base.roots import one
 from icmj.engine.block import Block, Slot, Stages, block_of, rows_need_forward, span, stages_of
 from icmj.engine.native.field import drive, flow, forward
 from icmj.engine.native.memory import (
@@ -29,7 +28,8 @@ from icmj.engine.native.memory import (
     run_guarded,
     sources,
 )
-from icmj.engine.schedule import Schedule, Status, round_step, row_after
+from icmj.engine.schedule import Schedule, round_step, row_after
+from icmj.simulation.native.loop import EDGE, PLANNED, TICK, Status, has_action, is_due, next_event, plan_after
 
 RK4, EULER, IMPLICIT, WHOLE_STEP = 0, 1, 2, 3
 INTEGRATORS = {
@@ -43,13 +43,12 @@ INTEGRATORS = {
 PROGRESS = np.dtype([
     ("grid", float),         # the step grid starts at this time [s]
     ("steps", np.int64),     # steps done on it
-    ("last_event", float),   # [s]
-    ("armed", np.int64),     # whether the event function is watched
-    ("clock", np.int64),     # number of the clock's next event
-    ("sample", float),       # when the sample is taken for which the rule has reached its threshold [s]
-    ("acted", np.int64),     # number of the event that acts next: the clock's, or counted from the run's start
-    ("edge", np.int64),      # number of the next edge of the disturbance
     ("events", np.int64),    # so far
+    ("lands", np.int64),     # whether the last step has ended where it was planned to
+    ("met", np.int64),       # whether it has ended at an event
+    ("status", np.int64),    # of the state there
+    ("stale", np.int64),     # STALE, RESTARTED, or 0 where rates and levels are those of the state
+    ("left", np.int64),      # steps until the caller is asked
     ("next_row", float),     # when the next row is due [s]
     ("begin", float),        # where the step under way begins [s]
     ("end", float),          # where it ends, if it is taken whole [s]
@@ -60,6 +59,7 @@ PROGRESS = np.dtype([
     ("source", np.int64),    # of the compiled code; see icmj.engine.native.memory.sources
 ])  # fmt: skip
 """How far a run has come; one record."""
+RESTARTED, STALE = 1, 2
 
 
 class Engine(NamedTuple):
@@ -114,16 +114,15 @@ class Engine(NamedTuple):
 class Plan(NamedTuple):
     """A :class:`icmj.engine.schedule.Schedule`, with the limits at which the plant has fallen.
 
-    ``ticks`` is the delay in intervals of the clock where it is a multiple of that, else −1.
+    ``wait`` is the least time from one event until the rule is watched again; the last of ``edges`` is infinite.
     """
 
     timestep: float
     t_end: float
-    delta_min: float
+    wait: float
     clock: float
     delay: float
     sampling: float
-    ticks: int
     edges: Array
     phases: Array
     record_interval: float
@@ -138,6 +137,8 @@ class Plan(NamedTuple):
 
 class Rule(NamedTuple):
     """The controller's states, their reset, the faces of its event rule, and room for their values.
+
+    ``when``, ``due`` and ``queue`` are what it has planned (:mod:`icmj.simulation.native.loop`).
 
     ``before``, ``left`` and ``now`` hold (E_j, dE_j/dt) of every face: at the step's begin, at the left end of the
     piece that is looked at, and where the engine is; ``top`` the larger |E_j + 1| of the step's ends.
@@ -155,6 +156,9 @@ class Rule(NamedTuple):
     left: Array
     now: Array
     top: Array
+    when: Array
+    due: np.ndarray
+    queue: Array
 
 
 def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, adaptive: bool = False) -> Engine:
@@ -211,12 +215,11 @@ def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> Plan:
     return Plan(
         timestep=float(schedule.timestep),
         t_end=float(schedule.t_end),
-        delta_min=float(schedule.delta_min),
+        wait=float(max(schedule.delta_min, schedule.delay)),
         clock=float(schedule.clock),
-        delay=float(schedule.delay),
+        delay=float(schedule.clock_action(0) if np.isfinite(schedule.clock) else schedule.delay),
         sampling=float(schedule.sampling),
-        ticks=_ticks(schedule),
-        edges=np.array(schedule.edges, dtype=float),
+        edges=np.append(schedule.edges, np.inf),
         phases=np.array(schedule.phases, dtype=float),
         record_interval=float(schedule.record_interval),
         limits=np.array(schedule.limits, dtype=float),
@@ -229,7 +232,7 @@ def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> Plan:
     )
 
 
-def rule_of(block: Block, data: mujoco.MjData) -> Rule:
+def rule_of(block: Block, data: mujoco.MjData, schedule: Schedule) -> Rule:
     """The controller's part of the state and its event rule."""
     faces = len(block.cuts)
     return Rule(
@@ -245,6 +248,9 @@ def rule_of(block: Block, data: mujoco.MjData) -> Rule:
         left=np.zeros((faces, 2)),
         now=np.zeros((faces, 2)),
         top=np.zeros(faces),
+        when=np.zeros(3),
+        due=np.zeros(5, dtype=np.int64),
+        queue=np.zeros(int(schedule.delay / schedule.clock) + 4),
     )
 
 
@@ -253,15 +259,12 @@ def new_progress() -> Any:
     return [SimpleNamespace()] if INTERPRETED else np.zeros(1, PROGRESS)
 
 
-def progress_at(t: float, schedule: Schedule, progress: Any) -> None:
-    """Set the record to the beginning of a run, or a flight, right after an event at ``t``."""
-    clock, step = schedule.first_clock(t), round_step(schedule.first_step)
+def progress_at(t: float, schedule: Schedule, plan: Plan, rule: Rule, progress: Any) -> None:
+    """Set record and agenda to the beginning of a run, or a flight, right after an event at ``t``."""
+    step = round_step(schedule.first_step)
     values = dict.fromkeys(PROGRESS.names or (), 0) | {
-        **dict.fromkeys(("grid", "last_event", "begin", "end"), t),
-        "clock": clock,
-        "sample": np.inf,
-        "acted": clock - 1 if np.isfinite(schedule.clock) else 0,
-        "edge": schedule.first_edge(t),
+        **dict.fromkeys(("grid", "begin", "end"), t),
+        "stale": RESTARTED,
         "next_row": row_after(t, schedule.record_interval),
         **dict.fromkeys(("next_step", "first_step"), step),
         "fresh": 1,
@@ -270,6 +273,11 @@ def progress_at(t: float, schedule: Schedule, progress: Any) -> None:
         revise(progress, **values)
     else:
         progress[0] = tuple(values.values())
+    rule.when[:] = t + plan.wait, np.inf, t
+    rule.due[:] = 0
+    rule.due[EDGE], rule.due[TICK] = schedule.first_edge(t), schedule.first_clock(t)
+    if plan.delay > 0:  # the event at the start makes a prediction like any other
+        rule.queue[0], rule.due[PLANNED] = t + plan.delay, 1
 
 
 def revise(progress: Any, **values: Any) -> None:
@@ -279,13 +287,6 @@ def revise(progress: Any, **values: Any) -> None:
     else:
         for name, value in values.items():
             progress[name] = value
-
-
-def _ticks(schedule: Schedule) -> int:
-    if not np.isfinite(schedule.clock):
-        return -1
-    number = round(schedule.delay / schedule.clock)
-    return number if schedule.clock_action(0) == number * schedule.clock else -1
 
 
 # numba rewrites calls of types, which type checkers cannot see
@@ -431,10 +432,8 @@ def note_row(engine, record):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def note_again(engine, record, row):  # type: ignore[no-untyped-def]
-    """Record an event where the outputs were recorded last, and a ``row`` if there is none yet."""
-    if row:
-        note_row(engine, record)
+def note_event(engine, record):  # type: ignore[no-untyped-def]
+    """Record an event where the outputs were recorded last."""
     _write(engine, record.events[record.count[2]])
     record.event_at[record.count[2]] = record.count[0] - 1
     record.count[2] += 1
@@ -453,11 +452,9 @@ def apply(map, rule):  # type: ignore[no-untyped-def]
 
 
 @exact
-def jump(engine, rule, edge):  # type: ignore[no-untyped-def]
-    """Apply the impulses at this edge to the controller's state if it is reached; return whether there are any."""
+def _jump(engine, rule, edge):  # type: ignore[no-untyped-def]
+    """Apply the impulses at this edge to the controller's state; return whether there are any."""
     b, found = engine.block, False
-    if engine.time[0] < edge:
-        return False
     at, n_v = int(b[Slot.AT_ERRORS]), int(b[Slot.N_V])
     for _ in range(int(b[Slot.ERRORS])):
         if b[at + 4] == edge and b[at + 5] == edge:
@@ -469,81 +466,60 @@ def jump(engine, rule, edge):  # type: ignore[no-untyped-def]
     return found
 
 
-class Planned(NamedTuple):
-    """The next times of a schedule [s]; infinite if nothing is due. Those that are one instant are equal.
-
-    ``rule`` is when the event function counts from, ``clock`` when an event comes of itself: that of the clock, or the
-    sample for which the rule has reached its threshold; ``action`` when the oldest event acts that has not acted yet.
-    """
-
-    rule: float
-    clock: float
-    edge: float
-    action: float
+# verbs of :mod:`icmj.simulation.native.loop`, the same for fixed and adapted steps
 
 
 @exact
-def find_due(plan, progress, has_rule):  # type: ignore[no-untyped-def]
-    """The next due time; ``has_rule`` says whether there is an event rule."""
-    waits, end = not has_rule or progress[0].sample < np.inf, plan.t_end
-    edge = plan.edges[progress[0].edge] if progress[0].edge < len(plan.edges) else np.inf
-    clock = one(one(progress[0].clock * plan.clock if np.isfinite(plan.clock) else progress[0].sample, edge), end)
-    action = one(one(one(_next_action(plan, progress), clock), edge), end)
-    rule = np.inf if waits else progress[0].last_event + max(plan.delta_min, plan.delay)
-    return Planned(one(one(one(rule, action), edge), end), clock, edge, action)
+def change(f):  # type: ignore[no-untyped-def]
+    """Pass the edges that are due: impulses move the controller's state, and the phase changes."""
+    engine, plan, rule, moved = f.engine, f.plan, f.rule, False
+    while is_due(plan.edges[rule.due[EDGE]], engine.time[0]):
+        moved = _jump(engine, rule, plan.edges[rule.due[EDGE]]) or moved
+        rule.due[EDGE] += 1
+        engine.phase[0] = plan.phases[rule.due[EDGE]]
+        f.progress[0].stale = STALE
+    return moved
 
 
 @exact
-def _next_action(plan, progress):  # type: ignore[no-untyped-def]
-    # to the last bit what Schedule.clock_action says, by which extremes are cut: product and sum are not fused
-    if plan.delay == 0:
-        return np.inf
-    acted = progress[0].acted
-    if np.isfinite(plan.clock):
-        if acted >= progress[0].clock:
-            return np.inf
-        return (acted + plan.ticks) * plan.clock if plan.ticks >= 0 else acted * plan.clock + plan.delay
-    return progress[0].last_event + plan.delay if acted <= progress[0].events else np.inf
+def act(f):  # type: ignore[no-untyped-def]
+    """Carry out the action that is due."""
+    acts = has_action(f.rule, f.engine.time[0])
+    if acts:
+        apply(f.rule.G, f.rule)
+        f.progress[0].stale = STALE
+    return acts
 
 
 @exact
-def conclude(engine, plan, progress, rule, record, due, lands, acts, fired, status):  # type: ignore[no-untyped-def]
-    """Handle what is due at the end of a step: clock, end of run (if the step ``lands`` on them), row, reset, edge.
+def tick(f):  # type: ignore[no-untyped-def]
+    """Whether the clock ticks, or the sample is taken."""
+    return is_due(next_event(f.plan, f.rule), f.engine.time[0])
 
-    An edge's impulses have moved the state before (:func:`jump`); here its phase changes, last, which is the same:
-    nothing between reads it, and rates are computed anew after.
 
-    ``due`` is what was planned; ``acts`` whether an event has just acted, ``fired`` whether the rule has. Where the
-    sample is taken later, the rule only sets its time.
+@exact
+def note_step(f, event, acted):  # type: ignore[no-untyped-def]
+    """Record the outputs where a step ends, with a row at events, actions and the end, and where one is due."""
+    t, progress = f.engine.time[0], f.progress
+    due = t >= f.plan.t_end or t >= progress[0].next_row - 1e-9 * f.plan.timestep
+    note(f.engine, progress, f.plan.record_interval, f.record, event, acted or due or progress[0].status != _RUNNING)
+    f.record.count[3] += 1
 
-    Returns:
-        whether there is an event; whether the rates are to be computed anew (an event, an edge, or the start of a
-        sample); the status.
-    """
-    time = engine.time[0]
-    crossed = fired and plan.sampling > 0
-    if crossed:
-        progress[0].sample = time + plan.sampling
-        fired = False
-    if status == _RUNNING and lands:
-        if time >= due.clock:
-            progress[0].clock += 1
-            progress[0].sample = np.inf
-            fired = True
-        if time >= plan.t_end:
-            status = _COMPLETED
-    if fired:
-        progress[0].events += 1
-        if status == _RUNNING and progress[0].events >= plan.events:
-            status = _REACHED
-    wanted = acts or status != _RUNNING or time >= progress[0].next_row - 1e-9 * plan.timestep
-    note(engine, progress, plan.record_interval, record, fired, wanted)
-    record.count[3] += 1
-    if fired:
-        apply(rule.J, rule)
-        progress[0].last_event = time
-    passed = lands and time >= due.edge
-    if passed:
-        progress[0].edge += 1
-        engine.phase[0] = plan.phases[progress[0].edge]
-    return fired, fired or passed or crossed, status
+
+@exact
+def fire(f):  # type: ignore[no-untyped-def]
+    """An event."""
+    apply(f.rule.J, f.rule)
+    plan_after(f.plan, f.rule, f.engine.time[0])
+    f.progress[0].events += 1
+    f.progress[0].stale = STALE
+
+
+@exact
+def end(f, event):  # type: ignore[no-untyped-def]
+    """Whether the run ends, and how."""
+    if f.progress[0].status != _RUNNING:
+        return f.progress[0].status
+    if event and f.progress[0].events >= f.plan.events:
+        return _REACHED
+    return _COMPLETED if f.engine.time[0] >= f.plan.t_end else _RUNNING

@@ -1,4 +1,6 @@
-"""The march from stretch to stretch of any controller on the engine, as one compiled function for all steppings.
+"""The flow of the engine under any controller, stretch by stretch, for all steppings.
+
+The verbs that :mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant.
 
 On a stretch (:mod:`icmj.simulation.native.taps`) what is read of earlier is a polynomial in time. A controller that
 only reads delayed outputs commands one, which is known ahead, so the engine integrates under it as under any other
@@ -10,9 +12,7 @@ What the engine passes of outputs (and states of the controller) on the way is m
 read later, and in which guards and faces are looked for: through values at nodes, each by a polynomial of degree seven
 through the samples around it, with an error of order eight in their spacing.
 
-What comes first at an instant is as everywhere: what acts on plant and controller changes where a stretch begins, then
-actions, then events of a clock; then guards and faces are looked at, which find there what has jumped; a row records
-the state before an event; the run's end comes last. A fall is noticed where a step ends, before what is due there.
+A fall is noticed where a step ends.
 
 Recurring arguments are those of :mod:`icmj.engine.native.state` and :mod:`icmj.simulation.taps`, and ``reader``
 and ``track``.
@@ -35,34 +35,42 @@ from icmj.engine.native.adaptive import get, pass_at, put
 from icmj.engine.native.adaptive_loop import _fly
 from icmj.engine.native.field import flow, forward
 from icmj.engine.native.loop import FixedLoop, save, step
-from icmj.engine.native.memory import address, bare, compiled, engine_function, entry, merged, run_guarded, sources
-from icmj.engine.native.state import note, note_again, note_row, standing
-from icmj.engine.schedule import Recording, Status, row_after
+from icmj.engine.native.memory import address, bare, compiled, engine_function, entry, exact, run_guarded, sources
+from icmj.engine.native.state import Engine, Plan, Rule, note, note_event, note_row, standing
+from icmj.engine.schedule import Recording, row_after
+from icmj.simulation.native import taps as of
+from icmj.simulation.native.loop import (
+    ARRIVED,
+    EDGE,
+    RESET,
+    Status,
+    is_due,
+    next_event,
+    next_instant,
+    run_loop,
+)
+from icmj.simulation.native.loop import sources as sources_of_loop
 from icmj.simulation.native.taps import (
+    BEFORE,
+    FALLS,
     SMOOTH,
     cut,
-    fire,
     foresee,
-    happen,
     is_crowded,
     is_sound,
     is_still,
-    judge,
     leave,
     open_stretch,
-    reach_rule,
     remember,
     room,
     settle,
-    turn_last,
 )
-from icmj.simulation.native.taps import sources as sources_of_taps
 from icmj.simulation.native.waves import Waves, add_waves
 from icmj.simulation.taps import History, Now, Taps
 
 _RUNNING, _COMPLETED = int(Status.RUNNING), int(Status.COMPLETED)
 _FELL, _DIVERGED, _STALLED = int(Status.FELL), int(Status.DIVERGED), int(Status.STALLED)
-FULL = -1  # there is no room in the history
+_FULL = int(Status.FULL)
 _WHOLE = int(Stages.WHOLE)
 _BETWEEN, _FLYING, _ENDING = 0, 1, 2  # stretches; within one; at its end
 _CELLS = 512  # stretches before the caller is asked, who may have been interrupted
@@ -105,9 +113,10 @@ class Track(NamedTuple):
     Attributes:
         t: begin and end of the stretch under way, the last event, the last row, and when the next row was due as the
             stretch began [s], shape (5,).
-        marks: level of the stretch, guard that ends it, how far it has come, samples of it, why it ends, and samples
-            and rows that were recorded at its begin, shape (7,).
-        counts: rows with a command, rough instants, edges that are over, shape (3,).
+        marks: level of the stretch, guard that ends it, how far it has come, samples of it, why it ends, samples and
+            rows that were recorded at its begin, and whether it had any length, shape (8,).
+        counts: rows with a command, rough instants, edges that are over, stretches until the caller is asked, shape
+            (4,).
         at, y: samples of the stretch under way, their outputs and, if joint, the controller's states, shapes (S,),
             (S, n_y + N_a).
         begin: the engine's state at its begin.
@@ -307,40 +316,25 @@ def _install(engine, taps, now, reader):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _note_event(engine, plan, progress, record, now, track, t):  # type: ignore[no-untyped-def]
-    """Record an event where the outputs were recorded last, with the command and the mode that led there."""
-    row = track.t[3] < t
-    note_again(engine, record, row)
-    if row:
+def _row_here(engine, plan, progress, record, now, track):  # type: ignore[no-untyped-def]
+    """Record a row where the last stretch ended, with the command and the mode that led there, if none is yet."""
+    t = engine.time[0]
+    if track.t[3] < t:
+        note_row(engine, record)
         last = record.count[1] - 1
         for i in range(len(now.last)):
             track.u[last, i] = now.last[i]
-        track.mode[last] = now.mode[0]
+        track.mode[last] = now.mode[BEFORE]
         track.counts[0], track.t[3] = record.count[1], t
     if progress[0].next_row <= t + SAME:  # this is that row
         progress[0].next_row = _row_after(t, plan.record_interval)
-    track.t[2] = t
-    track.rough[track.counts[1]] = t
-    track.counts[1] += 1
 
 
 @compiled
-def _start(engine, plan, progress, record, taps, history, now, reader, track):  # type: ignore[no-untyped-def]
-    """Begin the stretch from where the engine is: what is due there, what acts, and what is known of the command."""
-    t, level, b = engine.time[0], track.marks[0], engine.block
-    edge = track.counts[2]
-    while edge < len(plan.edges) and plan.edges[edge] <= t + SAME:
-        level = min(level, reader.levels[edge])
-        edge += 1
-        engine.phase[0] = plan.phases[edge]
-    track.counts[2] = edge
-    level, due = happen(taps, now, t, level)
-    if due:
-        _note_event(engine, plan, progress, record, now, track, t)
-        fire(taps, now, t)
-        level = -1
-    longest = min(plan.t_end, plan.edges[edge] if edge < len(plan.edges) else np.inf)
-    guard = -1
+def _start(engine, plan, record, taps, history, now, reader, track):  # type: ignore[no-untyped-def]
+    """Begin the stretch from where the engine is: what acts, and what is known of the command."""
+    t, level, b, guard = engine.time[0], track.marks[0], engine.block, -1
+    longest = min(plan.t_end, plan.edges[track.counts[2]])
     if reader.joint:
         # so long that its samples and rows find room beside those that are there
         longest = min(longest, t + len(record.dense) // 4 * plan.record_interval)
@@ -355,12 +349,11 @@ def _start(engine, plan, progress, record, taps, history, now, reader, track):  
             for j in range(powers):
                 b[course + j] = reader.b[i] * now.u[i, j]
     b[Slot.SINCE], b[Slot.UNIT] = t, taps.unit
-    track.t[0], track.t[1], track.t[4] = t, end, progress[0].next_row
-    track.marks[0], track.marks[1], track.marks[2], track.marks[3] = level, guard, _FLYING, 0
-    track.marks[5], track.marks[6] = record.count[0], record.count[1]
     if level < taps.rough and end > t:
         track.rough[track.counts[1]] = t
         track.counts[1] += 1
+    track.t[0], track.t[1] = t, end
+    track.marks[0], track.marks[1], track.marks[2], track.marks[3] = level, guard, _FLYING, 0
 
 
 @compiled
@@ -416,46 +409,31 @@ def _turns_back(engine, progress, record, taps, now, track):  # type: ignore[no-
 
 @compiled
 def _finish(engine, plan, progress, record, taps, history, now, reader, track, status):  # type: ignore[no-untyped-def]
-    """End the stretch where the engine is: what was read, the mode that follows, the row and the event."""
-    t, end, mode, changed, crossed = track.t[0], track.t[1], now.mode[0], False, False
-    eventful = len(taps.cuts) > 1 or taps.clock < np.inf
+    """End the stretch where the engine is: what was read, state and command there, the outputs, a row if it ends here.
+
+    What falls where something is due has not fallen before.
+    """
+    t, end = track.t[0], track.t[1]
+    track.marks[2], track.marks[7] = _BETWEEN, end > t
+    edge = min(plan.edges[track.counts[2]], taps.edges[now.due[EDGE]], now.due[RESET] * taps.period)
+    now.met[FALLS] = status == _FELL and is_due(next_instant(taps, now, edge, plan.t_end), end)
+    status = _RUNNING if now.met[FALLS] else status
     if status == _RUNNING:
         if end > t:
             if not reader.joint:
                 _curve(taps, now, track)
             _remember(taps, history, now, reader, track)
             track.marks[0] = SMOOTH
-        changed = leave(taps, now, (end - t) / taps.unit, track.marks[1])
+        leave(taps, now, (end - t) / taps.unit, track.marks[1])
         if reader.joint:
             for i in range(len(now.a)):
                 now.a[i] = engine.act[engine.first + i]
-        crossed = track.marks[1] >= len(taps.c) and reach_rule(taps, now, end)
-        if changed or crossed:
-            track.marks[0] = -1 if crossed else 0
-        if end >= plan.t_end:
-            status = _COMPLETED
-            # what is due at the very end, where no stretch begins any more
-            level, due = happen(taps, now, end, 0)
-            crossed = crossed or due or judge(taps, now, end, level < 0)
-            changed = changed or (not crossed and turn_last(taps, now, level < 0))
-        elif not is_sound(now):
+        if not is_sound(now):
             status = _DIVERGED
-    # without events proper a switch is an event, but only once at an instant
-    is_event, after, now.mode[0] = crossed or (changed and not eventful and end > track.t[2]), now.mode[0], mode
     if end > t:
         # a row that is due here is of the next stretch, whose command is that from the right
-        note(engine, progress, plan.record_interval, record, is_event, changed or status != _RUNNING)
-    elif is_event:  # a reading or the state has jumped where the last stretch ended
-        _note_event(engine, plan, progress, record, now, track, end)
-    _command(taps, now, track, record)
-    now.mode[0] = after
-    if is_event and end > t:
-        track.t[2] = end
-        track.rough[track.counts[1]] = end
-        track.counts[1] += 1
-    if crossed:
-        fire(taps, now, end)
-    track.marks[2] = _BETWEEN
+        note(engine, progress, plan.record_interval, record, False, status != _RUNNING)
+        _command(taps, now, track, record)
     return status
 
 
@@ -480,24 +458,51 @@ def _depart(engine, plan, progress, stepper, record, reader, track):  # type: ig
         progress[0].next_row = _row_after(engine.time[0], plan.record_interval)
 
 
-@merged
-def _march(engine, plan, rule, progress, stepper, roots, record, taps, history, now, reader, track, until):  # type: ignore[no-untyped-def]
-    """Go on until a stretch begins at ``until`` or later, a buffer is full, or the run ends; why it came back."""
+class Stretches(NamedTuple):
+    """All that the flow works on; the run comes back where a stretch begins at ``until`` or later [s]."""
+
+    engine: Engine
+    plan: Plan
+    rule: Rule
+    progress: Any
+    stepper: Any
+    roots: Any
+    record: Recording
+    taps: Taps
+    history: History
+    now: Now
+    reader: Reader
+    track: Track
+    until: float
+
+
+@exact
+def _travel(f):  # type: ignore[no-untyped-def]
+    """One stretch, or as much of it as there is room for."""
+    engine, plan, progress, stepper, record = f.engine, f.plan, f.progress, f.stepper, f.record
+    taps, history, now, reader, track = f.taps, f.history, f.now, f.reader, f.track
     time, status, adaptive = engine.time, _RUNNING, plan.tolerance > 0
-    for _ in range(_CELLS):
-        if track.marks[2] == _BETWEEN:
-            if time[0] >= until or track.counts[1] + 4 > len(track.rough) or record.count[1] + 4 > len(record.rows):
-                return _RUNNING
-            if reader.joint and max(record.count[0], record.count[1]) > len(record.dense) // 4:
-                return _RUNNING
-            if is_crowded(now) or not room(history):
-                return FULL
-            if is_still(now):
-                return _STALLED
-            _start(engine, plan, progress, record, taps, history, now, reader, track)
-            if track.t[1] > track.t[0]:
-                _depart(engine, plan, progress, stepper, record, reader, track)
-        t, end = track.t[0], track.t[1]
+    if track.marks[2] == _BETWEEN:
+        track.counts[3] -= 1
+        if track.counts[3] < 0 or time[0] >= f.until:
+            return _RUNNING
+        if track.counts[1] + 4 > len(track.rough) or record.count[1] + 4 > len(record.rows):
+            return _RUNNING
+        if reader.joint and max(record.count[0], record.count[1]) > len(record.dense) // 4:
+            return _RUNNING
+        if is_crowded(now) or not room(history):
+            return _FULL
+        if is_still(now):
+            return _STALLED
+        if is_due(min(plan.edges[track.counts[2]], taps.edges[now.due[EDGE]]), time[0]):  # where the run begins
+            return ARRIVED
+        _start(engine, plan, record, taps, history, now, reader, track)
+        track.t[4], track.marks[5], track.marks[6] = progress[0].next_row, record.count[0], record.count[1]
+        if track.t[1] > track.t[0]:
+            _depart(engine, plan, progress, stepper, record, reader, track)
+    t = track.t[0]
+    while True:
+        end = track.t[1]
         most = plan.timestep if end - t <= _SHORT else min(plan.timestep, (end - t) / SAMPLES)
         while track.marks[2] == _FLYING and time[0] < end:
             if len(record.dense) - max(record.count[0], record.count[1]) < len(record.dense) // 4 + SAMPLES + 4:
@@ -509,7 +514,7 @@ def _march(engine, plan, rule, progress, stepper, roots, record, taps, history, 
             record.count[3] += 1
             if adaptive:
                 first = record.count[0]
-                _, status = _fly(engine, plan, rule, stepper, roots, progress, record, end, np.inf)
+                _, status = _fly(engine, plan, f.rule, stepper, f.roots, progress, record, end, np.inf)
                 _take(reader, track, record, first)
             else:
                 lands = end - time[0] <= most * (1 + 1e-9)
@@ -550,25 +555,92 @@ def _march(engine, plan, rule, progress, stepper, roots, record, taps, history, 
                         if track.t[1] > t:
                             continue
                         track.marks[2], end = _ENDING, t
-        status = track.marks[4]
-        if not adaptive and end > t and not _rows(engine, plan, progress, record, track):
-            return _RUNNING
-        _command(taps, now, track, record)
-        status = _finish(engine, plan, progress, record, taps, history, now, reader, track, status)
-        if status != _RUNNING:
-            return status
-    return _RUNNING
+        break
+    if not adaptive and end > t and not _rows(engine, plan, progress, record, track):
+        return _RUNNING
+    _command(taps, now, track, record)
+    status = _finish(engine, plan, progress, record, taps, history, now, reader, track, track.marks[4])
+    return ARRIVED if status == _RUNNING else status
+
+
+@exact
+def _change(f):  # type: ignore[no-untyped-def]
+    plan, track, t = f.plan, f.track, f.engine.time[0]
+    while is_due(plan.edges[track.counts[2]], t):
+        track.marks[0] = min(track.marks[0], f.reader.levels[track.counts[2]])
+        track.counts[2] += 1
+        f.engine.phase[0] = plan.phases[track.counts[2]]
+    if of.change(f.taps, f.now, t):
+        track.marks[0] = -1
+    return track.marks[0] < 0
+
+
+@exact
+def _act(f):  # type: ignore[no-untyped-def]
+    acts = of.act(f.taps, f.now, f.engine.time[0])
+    if acts:
+        f.track.marks[0] = -1
+    return acts
+
+
+@exact
+def _tick(f):  # type: ignore[no-untyped-def]
+    return is_due(next_event(f.taps, f.now), f.engine.time[0])
+
+
+@exact
+def _is_eventful(f):  # type: ignore[no-untyped-def]
+    return len(f.taps.cuts) > 1 or f.taps.clock < np.inf
+
+
+@exact
+def _cross(f, moved):  # type: ignore[no-untyped-def]
+    track, t = f.track, f.engine.time[0]
+    switched, crossed = of.cross(f.taps, f.now, t, moved, t >= f.plan.t_end or f.now.met[FALLS] != 0)
+    if switched:
+        track.marks[0] = min(track.marks[0], 0)
+        if track.marks[7]:
+            _row_here(f.engine, f.plan, f.progress, f.record, f.now, track)
+    # without events proper a switch is an event, but only once at an instant
+    return crossed or (switched and not _is_eventful(f) and t > track.t[2])
+
+
+@exact
+def _note(f, event, acted):  # type: ignore[no-untyped-def]
+    track, t = f.track, f.engine.time[0]
+    if event or t >= f.plan.t_end:
+        _row_here(f.engine, f.plan, f.progress, f.record, f.now, track)
+    if event:
+        note_event(f.engine, f.record)
+        track.t[2] = t
+        track.rough[track.counts[1]] = t
+        track.counts[1] += 1
+
+
+@exact
+def _fire(f):  # type: ignore[no-untyped-def]
+    if _is_eventful(f):  # else it was a switch
+        of.fire(f.taps, f.now, f.engine.time[0])
+        f.track.marks[0] = -1
+
+
+@exact
+def _end(f, event):  # type: ignore[no-untyped-def]
+    if f.now.met[FALLS]:
+        return _FELL
+    return _COMPLETED if f.engine.time[0] >= f.plan.t_end else _RUNNING
 
 
 @cache
 def _marching() -> Any:
     """The compiled march."""
-    source = sources() + sources_of_taps()
+    source = sources() + sources_of_loop()
 
     @entry
     def march(engine, plan, rule, progress, stepper, roots, record, taps, history, now, reader, track, until):  # type: ignore[no-untyped-def]
         progress[0].source = source
-        return _march(
+        track.counts[3] = _CELLS
+        flow = Stretches(
             bare(engine),
             bare(plan),
             bare(rule),
@@ -583,12 +655,13 @@ def _marching() -> Any:
             track,
             until,
         )
+        return run_loop(flow, _travel, _change, _act, _tick, _cross, _note, _fire, _end)
 
     return march
 
 
 def march(loop: FixedLoop, record: Recording, run: Tapped, until: float) -> int:
-    """Go on until ``until`` [s] at least, a buffer is full, or the run ends: a :class:`Status`, or :data:`FULL`.
+    """Go on until ``until`` [s] at least, a buffer is full, or the run ends: a :class:`Status`.
 
     Raises:
         EngineFault, mujoco.FatalError: if MuJoCo gives up.

@@ -1,4 +1,6 @@
-"""The simulation of the linear plant from event to event, with everything that is recorded on the way.
+"""The flow of the linear plant under an observer, a hold and an event rule, in pieces of exact motion.
+
+The verbs that :mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant.
 
 Between two instants at which something is due (a *piece*) the state follows a matrix exponential, step by step. A step
 is dismissed at once if short polynomials with a bound of what they leave out show that it holds no event, no fall, and
@@ -9,34 +11,20 @@ grid does not depend on the state, and has been worked out before (:mod:`icmj.li
 and ends within a step. It is followed back to where that step begins, as if it had come from there, so that all steps
 are looked at in the same way. After a jump, what has jumped is followed back alone.
 
-What comes first at an instant. A piece ends at the instant at which something is due, and instants are compared as
-they are, never as fractions of a step, which are rounded; those within :data:`SAME` of each other are one, because sums
-of intervals are rounded, too. What is due at the same instant happens in this order, each on the state that the one
-before has left:
-
-1. what acts on the plant begins, bends or ends; a set-point that jumps moves the controller's state;
-2. the action that is due: w := G w;
-3. the clock ticks, or the event rule has reached its threshold while it is watched: an event, w := J w;
-4. the run has fallen, or is over.
-
-A rule that is watched from the instant on at which a piece ends is not watched within that piece: it is judged where
-the next one begins, after what happened there. An event within :data:`SAME` of a piece's end is at its end; if the
-controller's state jumps there, that next look decides whether there is an event at all.
-
-Every number that decides is a function of the state and of time alone, so neither the rows asked for nor the size of a
-buffer changes a bit of the motion.
+A rule that is watched from the instant on at which a piece ends is not watched within that piece.
 """
 
 from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from icmj.base.compilation import compiled, contents, entry, inlined
-from icmj.base.roots import DEEPEST, SAME, one
+from icmj.base.array import Array
+from icmj.base.compilation import contents, entry, inlined
+from icmj.base.roots import DEEPEST, SAME
 from icmj.linear.native.motion import (
     EVENT,
     FALL,
@@ -59,14 +47,51 @@ from icmj.linear.native.motion import (
     times,
     unfold,
 )
-from icmj.linear.native.state import FRESH, Count, Now, Status, Work
+from icmj.linear.native.state import FRESH, Acting, Count, Now, Run, Tables, Work
+from icmj.simulation.native.loop import (
+    ARRIVED,
+    EDGE,
+    READY,
+    Status,
+    await_sample,
+    has_action,
+    is_due,
+    is_watched,
+    next_event,
+    next_instant,
+    plan_after,
+    run_loop,
+    sources,
+)
 
 _DIVERGED = 1e12
 _ANCHOR = 64  # rows from one to the next, before one is taken from the steps again
 _PATIENCE = 20000  # steps before the caller is asked, who may have been interrupted
 _GONE = 3  # beside what ends a step: it diverged
-_MORE, _ENDED, _REACHED = int(Status.MORE), int(Status.ENDED), int(Status.REACHED)
-_STATUS_FELL, _STATUS_DIVERGED = int(Status.FELL), int(Status.DIVERGED)
+_ASKS = -1  # the caller is asked
+_RUNNING, _COMPLETED, _REACHED = int(Status.RUNNING), int(Status.COMPLETED), int(Status.REACHED)
+_FELL, _STATUS_DIVERGED = int(Status.FELL), int(Status.DIVERGED)
+
+
+class Pieces(NamedTuple):
+    """All that the flow works on.
+
+    Attributes:
+        T, acting, run: numbers that stay, what acts on the next steps, and what changes.
+        room: of W s, of |s|, of V |s|, and of f.
+        work, turning, series, scratch: for roots and extremes; which outputs turn; terms of a series; two states.
+        most: number of events to stop after.
+    """
+
+    T: Tables
+    acting: Acting
+    run: Run
+    room: tuple[Array, Array, Array, Array]
+    work: Work
+    turning: Array
+    series: Array
+    scratch: Array
+    most: int
 
 
 @inlined
@@ -116,22 +141,10 @@ def _rows_until(T, acting, run, until, known, series, f):  # type: ignore[no-unt
 
 
 @inlined
-def _next_action(T, run):  # type: ignore[no-untyped-def]
-    """When the clock's event that acts next does so [s]; infinite if it is still to come."""
-    number = run.counts[Count.ACTED]
-    if number >= run.counts[Count.TICK]:
-        return np.inf
-    return (number + T.ticks) * T.clock if T.ticks >= 0 else number * T.clock + T.delay
-
-
-@inlined
 def _open(T, run):  # type: ignore[no-untyped-def]
     """Begin a piece where the motion is: until when nothing is due."""
     now, counts, t = run.now, run.counts, run.now[Now.TIME]
-    now[Now.TICK] = one(one(now[Now.TICK], now[Now.EDGE]), T.end)
-    now[Now.ACTION] = one(one(one(now[Now.ACTION], now[Now.TICK]), now[Now.EDGE]), T.end)
-    now[Now.READY] = one(one(one(now[Now.READY], now[Now.ACTION]), now[Now.EDGE]), T.end)
-    now[Now.STOP] = min(now[Now.TICK], now[Now.ACTION], now[Now.EDGE], T.end)
+    now[Now.STOP] = next_instant(T, run, T.edges[run.due[EDGE]], T.end)
     now[Now.BEGIN] = t
     counts[Count.CELL] = 0
     now[Now.ORIGIN], now[Now.OFFSET] = t, 0.0
@@ -147,31 +160,31 @@ def _open(T, run):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # type: ignore[no-untyped-def]
-    """Go on with the piece under way; what ended it, −1 where the caller is asked, and how patient to be still."""
-    now, counts, s, m, n_y = run.now, run.counts, run.s, len(run.row), len(run.high)
+def _piece(T, acting, run, room, work, turning, series, scratch):  # type: ignore[no-untyped-def]
+    """Go on with the piece under way; what ended it."""
+    now, counts, s, m, n_y, ready_at = run.now, run.counts, run.s, len(run.row), len(run.high), run.when[READY]
     out, sizes, tails, f = room
     origin, begin, stop = now[Now.ORIGIN], now[Now.BEGIN], now[Now.STOP]
     # what is due at the piece's end comes before a rule that is watched from there on
-    watching = len(T.cuts) > 1 and now[Now.READY] < stop
+    watching = len(T.cuts) > 1 and ready_at < stop - SAME
     h, signals, rows, ahead = T.step, T.M.shape[1] - m, T.A.shape[0], scratch[1, :m]
     n_pos, most_rows = rows - T.cuts[-1] - n_y, int(min(h / T.interval, 1e9)) + 4
     total, outputs, lanes = (stop - origin) / h, m + n_pos + n_y * (T.coarse + 1), len(acting.f)
     difference = scratch[0, :m]
-    last = acting.first + lanes * acting.f.shape[2] if acting.edge == now[Now.EDGE] else -1
+    last = acting.first + lanes * acting.f.shape[2] if acting.edge == T.edges[run.due[EDGE]] else -1
     while True:
         cell, offset = counts[Count.CELL], now[Now.OFFSET]
         left, slack = total - cell - offset, close(total)
         if left <= slack:
             break
-        patience -= 1
+        counts[Count.LEFT] -= 1
         missing = signals > 0 and not acting.first <= cell < last
-        if patience < 0 or missing or counts[Count.ROWS] + most_rows > len(run.rows_t):
+        if counts[Count.LEFT] < 0 or missing or counts[Count.ROWS] + most_rows > len(run.rows_t):
             now[Now.TIME] = origin + (cell + offset) * h
-            return -1, patience
+            return _ASKS
         whole, final = offset + left >= 1 - slack, offset + left <= 1 + slack
         here = 1.0 if whole else offset + left
-        ready = offset if now[Now.READY] <= begin else max(offset, (now[Now.READY] - origin) / h - cell)
+        ready = offset if ready_at <= begin + SAME else max(offset, (ready_at - origin) / h - cell)
         armed = watching and ready < here
         if offset > 0 and counts[Count.ENDED] == cell:
             for j in range(m):
@@ -214,8 +227,8 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
                 if not abs(ahead[j]) <= _DIVERGED:
                     kind = _GONE
         until = min(max(origin + (cell + theta) * h, begin), stop)
-        if kind == EVENT and theta == ready and abs(until - now[Now.READY]) <= SAME:
-            until = now[Now.READY]
+        if kind == EVENT and theta == ready and abs(until - ready_at) <= SAME:
+            until = ready_at
         elif kind == EVENT and theta == ready and until - begin <= SAME:
             until = begin
         if stop - until <= SAME and (final or kind != NOTHING):
@@ -232,12 +245,12 @@ def _piece(T, acting, run, room, work, turning, series, scratch, patience):  # t
         copy(ahead, s[:m])
         if kind != NOTHING:
             now[Now.TIME] = until
-            return kind, patience
+            return kind
         if final:
             break
         counts[Count.CELL], now[Now.OFFSET] = cell + 1, 0.0
     now[Now.TIME] = stop
-    return NOTHING, patience
+    return NOTHING
 
 
 @inlined
@@ -248,10 +261,70 @@ def _apply(jump, run, scratch):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _event(T, run, scratch):  # type: ignore[no-untyped-def]
-    """The controller takes up feedback: note it, and do what an event does."""
-    now, counts, t = run.now, run.counts, run.now[Now.TIME]
-    m, n_y = len(run.row), len(run.high)
+def _travel(f):  # type: ignore[no-untyped-def]
+    """To the end of the piece under way, or of the next one."""
+    T, run = f.T, f.run
+    now, counts, m = run.now, run.counts, len(run.row)
+    if counts[Count.EVENTS] == len(run.events):
+        return _RUNNING
+    if counts[Count.CELL] < 0:
+        _open(T, run)
+    kind = _piece(T, f.acting, run, f.room, f.work, f.turning, f.series, f.scratch)
+    if kind == _ASKS:
+        return _RUNNING
+    counts[Count.CELL], counts[Count.MET] = -1, kind
+    copy(run.s, run.w[:m])
+    if kind == _GONE:
+        return _STATUS_DIVERGED
+    extend(T, run, run.w[:m], False)
+    return _FELL if kind == FALL and now[Now.TIME] < now[Now.STOP] else ARRIVED
+
+
+@inlined
+def _change(f):  # type: ignore[no-untyped-def]
+    T, run, moved = f.T, f.run, False
+    while is_due(T.edges[run.due[EDGE]], run.now[Now.TIME]):
+        for j in range(T.jumps.shape[1]):
+            run.w[j] += T.jumps[run.due[EDGE], j]
+            moved = True
+        run.due[EDGE] += 1
+        run.counts[Count.ENDED] = -1  # from here on, other terms act on that step
+    return moved
+
+
+@inlined
+def _act(f):  # type: ignore[no-untyped-def]
+    acts = has_action(f.run, f.run.now[Now.TIME])
+    if acts:
+        _apply(f.T.G, f.run, f.scratch)
+    return acts
+
+
+@inlined
+def _tick(f):  # type: ignore[no-untyped-def]
+    return is_due(next_event(f.T, f.run), f.run.now[Now.TIME])
+
+
+@inlined
+def _cross(f, moved):  # type: ignore[no-untyped-def]
+    T, run = f.T, f.run
+    t = run.now[Now.TIME]
+    reached = run.counts[Count.MET] == EVENT and not moved
+    for face in range(len(T.cuts) - 1 if not reached and is_watched(run, t) else 0):
+        square = 0.0
+        for row in range(T.cuts[face], T.cuts[face + 1]):
+            square += dot(T.A[row, 0], run.w[: len(run.row)]) ** 2
+        reached = reached or square >= 1
+    return reached and await_sample(T, run, t)
+
+
+@inlined
+def _note(f, event, acted):  # type: ignore[no-untyped-def]
+    """Record an event, and the row that belongs to it."""
+    T, run = f.T, f.run
+    now, counts, t, m, n_y = run.now, run.counts, run.now[Now.TIME], len(run.row), len(run.high)
+    if not event:
+        return
     z = run.w[:m]
     if T.interval < np.inf:
         if t > now[Now.ROW]:
@@ -259,110 +332,47 @@ def _event(T, run, scratch):  # type: ignore[no-untyped-def]
         if abs(counts[Count.NEXT] * T.interval - t) <= SAME:
             counts[Count.NEXT] += 1
             counts[Count.AGE] = FRESH  # the row of the grid was not taken, so none goes on from it
-    event = run.events[counts[Count.EVENTS]]
-    event[0] = t
-    copy(z, event[1 : 1 + m])
-    copy(run.high, event[1 + m : 1 + m + n_y])
-    copy(run.low, event[1 + m + n_y :])
+    row = run.events[counts[Count.EVENTS]]
+    row[0] = t
+    copy(z, row[1 : 1 + m])
+    copy(run.high, row[1 + m : 1 + m + n_y])
+    copy(run.low, row[1 + m + n_y :])
     counts[Count.EVENTS] += 1
-    _apply(T.J, run, scratch)
-    extend(T, run, z, True)
-    now[Now.READY] = t + T.wait
-    if T.sampling > 0:
-        now[Now.TICK] = np.inf
-    if T.clock < np.inf:
-        counts[Count.TICK] += 1
-        now[Now.TICK] = counts[Count.TICK] * T.clock
-    if T.delay > 0:
-        if T.clock == np.inf:
-            now[Now.ACTION] = t + T.delay
-        elif now[Now.ACTION] == np.inf:
-            now[Now.ACTION] = _next_action(T, run)
 
 
 @inlined
-def _beyond(T, run):  # type: ignore[no-untyped-def]
-    """Whether the rule is watched and at or beyond its threshold, at the present state."""
-    if not run.now[Now.READY] <= run.now[Now.TIME]:
-        return False
-    beyond = False
-    for face in range(len(T.cuts) - 1):
-        square = 0.0
-        for row in range(T.cuts[face], T.cuts[face + 1]):
-            square += dot(T.A[row, 0], run.w[: len(run.row)]) ** 2
-        beyond = beyond or square >= 1
-    return beyond
+def _fire(f):  # type: ignore[no-untyped-def]
+    _apply(f.T.J, f.run, f.scratch)
+    extend(f.T, f.run, f.run.w[: len(f.run.row)], True)
+    plan_after(f.T, f.run, f.run.now[Now.TIME])
 
 
-@compiled
-def _simulate(T, acting, run, room, work, turning, series, scratch, most_events):  # type: ignore[no-untyped-def]
-    now, counts, m, patience = run.now, run.counts, len(run.row), _PATIENCE
-    while counts[Count.CELL] >= 0 or now[Now.TIME] < T.end:
-        if counts[Count.CELL] < 0:
-            _open(T, run)
-        kind, patience = _piece(T, acting, run, room, work, turning, series, scratch, patience)
-        if kind < 0:
-            return _MORE
-        counts[Count.CELL] = -1
-        copy(run.s, run.w[:m])
-        if kind == _GONE:
-            return _STATUS_DIVERGED
-        extend(T, run, run.w[:m], False)
-        t, fallen, may_jump = now[Now.TIME], kind == FALL, False
-        if fallen and t < now[Now.STOP]:
-            return _STATUS_FELL
-        # 1: what acts on the plant, or on the controller
-        if t == now[Now.EDGE]:
-            edge = 0
-            while T.edges[edge] <= t:
-                edge += 1
-            now[Now.EDGE] = T.edges[edge]
-            counts[Count.ENDED] = -1  # from here on, other terms act on that step
-            may_jump = T.jumps.shape[1] > 0
-            for j in range(T.jumps.shape[1]):
-                run.w[j] += T.jumps[edge - 1, j]
-        # 2: the action
-        if t == now[Now.ACTION]:
-            _apply(T.G, run, scratch)
-            counts[Count.ACTED] += 1
-            now[Now.ACTION] = np.inf if T.clock == np.inf else _next_action(T, run)
-            may_jump = True
-        # 3: an event. After a jump the next piece judges a crossing anew; at the run's end none begins, so here
-        if may_jump and kind == EVENT:
-            kind = NOTHING
-        if t == T.end and kind != EVENT and _beyond(T, run):
-            kind = EVENT
-        if kind == EVENT and T.sampling > 0:
-            now[Now.TICK], now[Now.READY] = t + T.sampling, np.inf
-        elif kind == EVENT or t == now[Now.TICK]:
-            _event(T, run, scratch)
-            if fallen:
-                return _STATUS_FELL
-            if counts[Count.EVENTS] >= most_events:
-                return _REACHED
-            if counts[Count.EVENTS] == len(run.events):
-                return _MORE
-        # 4: fallen; before the run's end, the next piece finds it again where it begins
-        if fallen and t == T.end:
-            return _STATUS_FELL
-    return _ENDED
+@inlined
+def _end(f, event):  # type: ignore[no-untyped-def]
+    if f.run.counts[Count.MET] == FALL:
+        return _FELL
+    if event and f.run.counts[Count.EVENTS] >= f.most:
+        return _REACHED
+    return _COMPLETED if f.run.now[Now.TIME] >= f.T.end else _RUNNING
 
 
 @cache
 def simulator() -> Any:
     """The compiled ``simulate(tables, acting, run, most_events)``, which changes ``run`` and returns a Status."""
-    source = contents(Path(__file__).parent)
+    source = contents(Path(__file__).parent) + sources()
 
     @entry
     def simulate(tables, acting, run, most_events):  # type: ignore[no-untyped-def]
         if source == 0:
-            return -1
+            return _RUNNING
         m, length, rows, degree = len(run.row), len(run.s), tables.A.shape[0], tables.A.shape[1] - 1
         tall, terms = 2 * degree + 1, max(tables.terms[-1], tables.powers) + 1
         room = np.empty(tables.W.shape[0]), np.empty(m), np.empty(tables.V.shape[0]), np.empty(length - m)
         work = Work(np.empty((rows, degree + 1)), np.empty(tall), np.empty((DEEPEST, tall)), np.empty((DEEPEST, 3)))
         turning, scratch = np.zeros(len(run.high), np.bool_), np.empty((2, max(length, len(run.w))))
         series = np.empty((terms, tables.M.shape[1]))
-        return _simulate(tables, acting, run, room, work, turning, series, scratch, most_events)
+        run.counts[Count.LEFT] = _PATIENCE
+        flow = Pieces(tables, acting, run, room, work, turning, series, scratch, most_events)
+        return run_loop(flow, _travel, _change, _act, _tick, _cross, _note, _fire, _end)
 
     return simulate

@@ -16,20 +16,6 @@ import numpy as np
 from icmj.base.array import Array
 
 
-class Status(IntEnum):
-    """Why the compiled simulation came back."""
-
-    MORE = 0
-    """A buffer is full, or it has worked for a while: call again."""
-    ENDED = auto()
-    FELL = auto()
-    DIVERGED = auto()
-    REACHED = auto()
-    """The number of events asked for."""
-    STALLED = auto()
-    """The modes of the controller switch to and fro at one instant."""
-
-
 class Tables(NamedTuple):
     """What stays: m of z, l of s, S signals, p powers of f.
 
@@ -41,7 +27,6 @@ class Tables(NamedTuple):
         wait: from an event until the rule is watched again [s].
         sampling: from where the rule reaches its threshold to the event [s].
         delay: t_d [s].
-        ticks: the delay in intervals of the clock where it is a multiple of that, else −1.
         coarse: degree of the polynomials that bound a step.
         controls: how many control points they have.
         places, stride: of disturbed motion, how many instants of a step are a row's in one step or another, and how
@@ -80,7 +65,6 @@ class Tables(NamedTuple):
     wait: float
     sampling: float
     delay: float
-    ticks: int
     coarse: int
     controls: int
     places: int
@@ -139,6 +123,7 @@ class Run(NamedTuple):
 
     Attributes:
         now, counts: by :class:`Now` and :class:`Count`.
+        when, due, queue: what the controller has planned, see :mod:`icmj.simulation.native.loop`.
         w: the loop's state; its first entries are z.
         s: (z, f) where a step begins, or a part of one, and f about the place half a step further on.
         begun, ended: z where the step begins that the last piece ended in, and where it ended.
@@ -149,6 +134,9 @@ class Run(NamedTuple):
 
     now: Array
     counts: np.ndarray
+    when: Array
+    due: np.ndarray
+    queue: Array
     w: Array
     s: Array
     begun: Array
@@ -165,14 +153,6 @@ class Now(IntEnum):
     """Times [s]."""
 
     TIME = 0
-    READY = auto()
-    """When the event function is watched from."""
-    TICK = auto()
-    """When the clock ticks next, or the sample is taken for which the rule has reached its threshold."""
-    ACTION = auto()
-    """When the oldest prediction under way acts; infinite if none is."""
-    EDGE = auto()
-    """When a term begins or ends to act next."""
     ROW = auto()
     """When the last row was."""
     ORIGIN = auto()
@@ -196,16 +176,16 @@ class Count(IntEnum):
     """Number of the next row of the grid."""
     AGE = auto()
     """Rows since the state of one was last taken from the steps'."""
-    TICK = auto()
-    """Number of the clock's next event."""
-    ACTED = auto()
-    """Number of the clock's event that acts next."""
     CELL = auto()
     """Number of the step that the piece under way is in; −1 where none is under way."""
     ENDED = auto()
     """Number of the step that the last piece ended in; −1 where that tells nothing of the next."""
     STRETCH = auto()
     """Number of the stretch of the noises that are shares of commands."""
+    MET = auto()
+    """What ended the last piece."""
+    LEFT = auto()
+    """Steps until the caller is asked."""
 
 
 class Work(NamedTuple):

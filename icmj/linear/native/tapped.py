@@ -1,13 +1,11 @@
-"""The linear plant under any controller, in compiled code, stretch by stretch.
+"""The flow of the linear plant under any controller, stretch by stretch.
+
+The verbs that :mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant.
 
 On a stretch (:mod:`icmj.simulation.native.taps`) what is read of earlier is a polynomial, and what disturbs a sum of
 sinusoids: so the states of plant and controller are Taylor series, whose terms follow from one another. A stretch is
 short enough for what the series leave out to be below rounding. Events, switches and falls are first roots of
 polynomials made of them, and a stretch ends there.
-
-At an instant comes first what acts (:func:`icmj.simulation.native.taps.happen`), then events of a clock, then guards
-beyond zero and faces beyond 1 where the next stretch begins, which may have no length. A crossing of the rule, a switch
-and a fall at an instant at which something else is due come there, after it.
 """
 
 from __future__ import annotations
@@ -19,34 +17,38 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.compilation import compiled, contents, entry
+from icmj.base.compilation import compiled, contents, entry, exact
 from icmj.base.roots import SAME, evaluate, first_root, largest
-from icmj.linear.native.state import Status
+from icmj.simulation.native import taps as of
+from icmj.simulation.native.loop import (
+    ARRIVED,
+    EDGE,
+    Status,
+    is_due,
+    next_event,
+    run_loop,
+    sources,
+)
 from icmj.simulation.native.taps import (
+    BEFORE,
+    FALLS,
     SMOOTH,
     cut,
-    fire,
-    happen,
     is_crowded,
     is_sound,
     is_still,
-    judge,
     leave,
     open_stretch,
-    reach_rule,
     remember,
     room,
     shift,
-    sources,
-    turn_last,
 )
 from icmj.simulation.native.waves import Waves, add_waves
+from icmj.simulation.taps import History, Now, Taps
 
 _DIVERGED = 1e12
-_MORE, _ENDED = int(Status.MORE), int(Status.ENDED)
-_FELL, _GONE = int(Status.FELL), int(Status.DIVERGED)
-_STALLED = int(Status.STALLED)
-_FULL = -1  # there is no room in the history
+_RUNNING, _COMPLETED, _FULL = int(Status.RUNNING), int(Status.COMPLETED), int(Status.FULL)
+_FELL, _GONE, _STALLED = int(Status.FELL), int(Status.DIVERGED), int(Status.STALLED)
 _CELLS = 2000  # stretches before the caller is asked, who may have been interrupted
 
 
@@ -100,8 +102,8 @@ class Track(NamedTuple):
     Attributes:
         t: now, the last event, and the last row [s], shape (3,).
         level: of what begins now, shape (1,).
-        mode: that of the stretch before, shape (1,).
-        counts: next edge, next row by number, rows, events, shape (4,).
+        counts: next edge, next row by number, rows, events, stretches until the caller is asked, and whether the last
+            one had any length; shape (6,).
         X: state on the stretch, shape (n, p + 1).
         y: outputs, and a row to work in, shape (n_y + 1, p + 1).
         room: to work in, shape (2, p + 1).
@@ -112,7 +114,6 @@ class Track(NamedTuple):
 
     t: Array
     level: np.ndarray
-    mode: np.ndarray
     counts: np.ndarray
     X: Array
     y: Array
@@ -270,23 +271,141 @@ def _row_here(body, now, track, t):  # type: ignore[no-untyped-def]
         row[1 + i] = track.X[i, 0]
     for i in range(len(now.u)):
         row[1 + n + i] = now.last[i]
-    row[1 + n + len(now.u)] = track.mode[0]
+    row[1 + n + len(now.u)] = now.mode[BEFORE]
     track.counts[2] += 1
     track.t[2] = t
     if track.counts[1] * body.interval <= t + SAME:
         track.counts[1] += 1
 
 
-@compiled
-def _note(body, now, track, t):  # type: ignore[no-untyped-def]
-    """Record an event at the state where the last stretch ended, and begin the next interval."""
-    n, n_y = len(track.X), len(body.C)
-    event = track.events[track.counts[3]]
-    event[0] = t
+class Stretches(NamedTuple):
+    """All that the flow works on."""
+
+    taps: Taps
+    body: Body
+    history: History
+    now: Now
+    track: Track
+
+
+@exact
+def _travel(f):  # type: ignore[no-untyped-def]
+    """One stretch."""
+    taps, body, history, now, track = f.taps, f.body, f.history, f.now, f.track
+    n, n_y, counts, X, t = len(track.X), len(body.C), track.counts, track.X, track.t[0]
+    p = X.shape[1] - 1
+    most = int(min(taps.unit / body.interval, 1e9)) + 4  # rows of a stretch
+    counts[4] -= 1
+    if counts[4] < 0 or counts[2] + most > len(track.rows) or counts[3] + 2 >= len(track.events):
+        return _RUNNING
+    if is_crowded(now) or not room(history):
+        return _FULL
+    if is_still(now):
+        return _STALLED
+    if not (_reaches(body.lasting, t, taps.unit) and _reaches(body.wrong, t, taps.unit)):
+        return _RUNNING
+    if is_due(min(body.edges[counts[0]], taps.edges[now.due[EDGE]]), t):  # where the run begins
+        return ARRIVED
+    level, end = open_stretch(taps, history, now, t, min(body.end, body.edges[counts[0]]), track.level[0])
+    _follow(taps, body, now, track, t, end)
+    end, guard = cut(taps, now, t, end)
+    length = (end - t) / taps.unit
+    fallen = _fallen(body, now, track, length)
+    # a fall where something is due comes after it
+    now.met[FALLS] = fallen <= length and t + fallen * taps.unit >= end - SAME and (end > t or guard >= 0)
+    falls = fallen <= length and now.met[FALLS] == 0
+    if falls:
+        length, guard = fallen, -1
+        end = t + length * taps.unit
+    _extremes(body, now, track, length)
+    while counts[1] * body.interval < end - SAME:
+        at = counts[1] * body.interval
+        _row(now, track, at, (at - t) / taps.unit)
+        counts[1] += 1
+    if len(taps.tau) > 0:
+        rows = history.r[remember(history, t, level)]
+        for i in range(n_y):
+            for j in range(p + 1):
+                rows[i, j] = track.y[i, j]
+        add_waves(body.errors, t, end, taps.unit, rows[:n_y])
+        _add_lasting(body.wrong, t, taps.unit, track.room, rows[:n_y])
+        for i in range(n_y, len(rows)):  # commands, which it reads, too
+            for j in range(p + 1):
+                rows[i, j] = now.u[i - n_y, j]
+    leave(taps, now, length, guard)
+    size = 0.0
     for i in range(n):
-        event[1 + i] = track.X[i, 0]
+        X[i, 0] = evaluate(X[i], p, length)
+        size += abs(X[i, 0])
+    track.t[0], track.level[0], counts[5] = end, SMOOTH, length > 0
+    if falls:
+        _row_here(body, now, track, end)
+        return _FELL
+    return ARRIVED if size <= _DIVERGED and is_sound(now) else _GONE
+
+
+@exact
+def _change(f):  # type: ignore[no-untyped-def]
+    body, track, t = f.body, f.track, f.track.t[0]
+    while is_due(body.edges[track.counts[0]], t):
+        track.level[0] = min(track.level[0], body.levels[track.counts[0]])
+        track.counts[0] += 1
+    changed = of.change(f.taps, f.now, t)
+    if changed:
+        track.level[0] = -1
+    return changed or track.level[0] < 0
+
+
+@exact
+def _act(f):  # type: ignore[no-untyped-def]
+    acts = of.act(f.taps, f.now, f.track.t[0])
+    if acts:
+        f.track.level[0] = -1
+    return acts
+
+
+@exact
+def _tick(f):  # type: ignore[no-untyped-def]
+    return is_due(next_event(f.taps, f.now), f.track.t[0])
+
+
+@exact
+def _is_eventful(f):  # type: ignore[no-untyped-def]
+    return len(f.taps.cuts) > 1 or f.taps.clock < np.inf
+
+
+@exact
+def _is_over(f):  # type: ignore[no-untyped-def]
+    return f.track.t[0] >= f.body.end - SAME
+
+
+@exact
+def _cross(f, moved):  # type: ignore[no-untyped-def]
+    now, track = f.now, f.track
+    t = track.t[0]
+    switched, crossed = of.cross(f.taps, now, t, moved, _is_over(f) or now.met[FALLS] != 0)
+    if switched:
+        track.level[0] = min(track.level[0], 0)
+        if track.counts[5]:
+            _row_here(f.body, now, track, t)
+    # without events proper a switch is an event, but only once at an instant
+    return crossed or (switched and not _is_eventful(f) and t > track.t[1])
+
+
+@exact
+def _note(f, event, acted):  # type: ignore[no-untyped-def]
+    """Record a row where the run ends; and an event where the last stretch ended, to begin the next interval."""
+    body, track, t, n, n_y = f.body, f.track, f.track.t[0], len(f.track.X), len(f.body.C)
+    if event or _is_over(f):
+        _row_here(body, f.now, track, t)
+    if not event:
+        return
+    row = track.events[track.counts[3]]
+    row[0] = t
+    for i in range(n):
+        row[1 + i] = track.X[i, 0]
     for i in range(n_y):
-        event[1 + n + i], event[1 + n + n_y + i] = track.high[i], track.low[i]
+        row[1 + n + i], row[1 + n + n_y + i] = track.high[i], track.low[i]
         total = 0.0
         for k in range(n):
             total += body.C[i, k] * track.X[k, 0]
@@ -295,103 +414,31 @@ def _note(body, now, track, t):  # type: ignore[no-untyped-def]
     track.t[1] = t
 
 
-@compiled
-def _march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
-    n, n_y, counts, X = len(track.X), len(body.C), track.counts, track.X
-    p = X.shape[1] - 1
-    most = int(min(taps.unit / body.interval, 1e9)) + 4  # rows of a stretch
-    eventful = len(taps.cuts) > 1 or taps.clock < np.inf
-    for _ in range(_CELLS):
-        if counts[2] + most > len(track.rows) or counts[3] + 2 >= len(track.events):
-            return _MORE
-        if is_crowded(now) or not room(history):
-            return _FULL
-        if is_still(now):
-            return _STALLED
-        t, level = track.t[0], track.level[0]
-        if not (_reaches(body.lasting, t, taps.unit) and _reaches(body.wrong, t, taps.unit)):
-            return _MORE
-        # 1 and 2: what acts on the plant and on the controller, and actions
-        while body.edges[counts[0]] <= t + SAME:
-            level = min(level, body.levels[counts[0]])
-            counts[0] += 1
-        level, due = happen(taps, now, t, level)
-        over = t >= body.end - SAME
-        # 3: events of a clock; at the end, where no stretch begins that would find it, also one of the rule
-        if due or (over and judge(taps, now, t, level < 0)):
-            _row_here(body, now, track, t)
-            _note(body, now, track, t)
-            fire(taps, now, t)
-            level = -1
-        elif over and turn_last(taps, now, level < 0) and not eventful and t > track.t[1]:
-            _note(body, now, track, t)
-        # 4: it has fallen, or the run is over
-        if over:
-            return _FELL if now.met[2] else _ENDED
-        longest = min(body.end, body.edges[counts[0]])
-        level, end = open_stretch(taps, history, now, t, longest, level)
-        _follow(taps, body, now, track, t, end)
-        end, guard = cut(taps, now, t, end)
-        length = (end - t) / taps.unit
-        fallen = _fallen(body, now, track, length)
-        now.met[2] = fallen <= length and t + fallen * taps.unit >= end - SAME and (end > t or guard >= 0)
-        if now.met[2]:
-            fallen = np.inf  # left to the next stretch, which finds it after what is due there, or to the run's end
-        if fallen <= length:
-            length, guard = fallen, -1
-            end = t + length * taps.unit
-        _extremes(body, now, track, length)
-        while counts[1] * body.interval < end - SAME:
-            at = counts[1] * body.interval
-            _row(now, track, at, (at - t) / taps.unit)
-            counts[1] += 1
-        if len(taps.tau) > 0:
-            rows = history.r[remember(history, t, level)]
-            for i in range(n_y):
-                for j in range(p + 1):
-                    rows[i, j] = track.y[i, j]
-            add_waves(body.errors, t, end, taps.unit, rows[:n_y])
-            _add_lasting(body.wrong, t, taps.unit, track.room, rows[:n_y])
-            for i in range(n_y, len(rows)):  # commands, which it reads, too
-                for j in range(p + 1):
-                    rows[i, j] = now.u[i - n_y, j]
-        ended = end >= body.end - SAME
-        if length > 0:
-            track.mode[0] = now.mode[0]
-        changed = leave(taps, now, length, guard)
-        for i in range(n):
-            X[i, 0] = evaluate(X[i], p, length)
-        track.t[0], track.level[0] = end, SMOOTH
-        crossed = guard >= len(taps.c) and reach_rule(taps, now, end)
-        # without events proper a switch is an event, but only once at an instant
-        is_event = crossed or (changed and not eventful and end > track.t[1])
-        if is_event or (changed and length > 0) or ended or fallen <= length:
-            _row_here(body, now, track, end)
-        if is_event:
-            _note(body, now, track, end)
-        if crossed:
-            fire(taps, now, end)
-        if changed or crossed:
-            track.level[0] = -1 if crossed else 0
-        if fallen <= length:
-            return _FELL
-        size = 0.0
-        for i in range(n):
-            size += abs(X[i, 0])
-        if not (size <= _DIVERGED and is_sound(now)):
-            return _GONE
-    return _MORE
+@exact
+def _fire(f):  # type: ignore[no-untyped-def]
+    if _is_eventful(f):  # else it was a switch
+        of.fire(f.taps, f.now, f.track.t[0])
+        f.track.level[0] = -1
+
+
+@exact
+def _end(f, event):  # type: ignore[no-untyped-def]
+    if f.now.met[FALLS]:
+        return _FELL
+    return _COMPLETED if _is_over(f) else _RUNNING
 
 
 @cache
 def marching() -> Any:
-    """The compiled march: ``march(taps, body, history, now, track)``, a while on; why it stopped, −1 for more room."""
+    """The compiled ``march(taps, body, history, now, track)``, a while on; a :class:`Status`."""
     source = contents(Path(__file__).parent) + sources()
 
     @entry
     def march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
         if source == 0:
             return _FULL
-        return _march(taps, body, history, now, track)
+        track.counts[4] = _CELLS
+        flow = Stretches(taps, body, history, now, track)
+        return run_loop(flow, _travel, _change, _act, _tick, _cross, _note, _fire, _end)
 
     return march

@@ -10,28 +10,40 @@ An instant is of *level* L if derivative L + 1 of what is read is the first that
 does. A switch, like anything that lets an input jump, is of level 0. What a controller makes of an instant of level L
 is of level L + 1, one delay later: the readings go into the command, and the plant integrates that at least once.
 
-What is due at an instant happens in the order of docs/simulation.md: what acts changes, which also moves the
-controller's state by its signals; then actions, resets of a period, and events of a clock (:func:`happen`); then guards
-beyond zero and faces of the rule beyond 1, which :func:`turn` finds where the next stretch begins, the earlier root
-first; a face that is reached is what the rule calls an event. What is reached within :data:`SAME` of that instant is
-reached there, and waits for what is due (:func:`cut`).
+What is due at an instant happens in the order of :mod:`icmj.simulation.native.loop`. Guards beyond zero and faces of
+the rule beyond 1 are found where the next stretch begins (:func:`turn`), the earlier root first; a face that is reached
+is what the rule calls an event. What is reached within :data:`SAME` of an instant at which something is due is reached
+there, and waits for that (:func:`cut`).
 """
 
 from __future__ import annotations
 
-from functools import cache
 from math import comb
-from pathlib import Path
 
 import numpy as np
 
-from icmj.base.compilation import compiled, contents
+from icmj.base.compilation import compiled
 from icmj.base.roots import SAME, evaluate, first_root
+from icmj.simulation.native.loop import (
+    ACTED,
+    EDGE,
+    PLANNED,
+    READY,
+    RESET,
+    await_sample,
+    has_action,
+    is_due,
+    is_watched,
+    next_instant,
+    plan_after,
+)
 from icmj.simulation.native.waves import add_waves
 
 SMOOTH = 1 << 20  # the level of a smooth instant
+MEETS, ENDS, SWITCHES, FALLS = 0, 1, 2, 3  # of now.met
+BEFORE = 1  # of now.mode
 _DIVERGED = 1e12  # of the controller's state
-_SWITCHES, _SOON = 5000, 1e-3  # so many stretches in a row that end in a switch, none as long as this [units]
+_MOST_SWITCHES, _SOON = 5000, 1e-3  # so many stretches in a row that end in a switch, none as long as this [units]
 _NOTHING = 1e-300  # less than the square of any reading
 _STRAIGHT = 1e-7  # units of time; what goes on in less is straight to rounding
 _SEAM = 1e-7  # relative: what polynomials of two stretches may differ by where they meet
@@ -148,78 +160,64 @@ def _map(matrix, now):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def happen(taps, now, t, level):  # type: ignore[no-untyped-def]
-    """What signals, actions and resets of the period do at ``t``, and whether a tick or a sample is an event there.
-
-    Returns the level of the instant, which is −1 at an edge of a signal, an action or a reset, and whether there is
-    such an event.
-    """
-    mode, size = now.mode[0], len(now.a)
-    while taps.edges[now.due[1]] <= t + SAME:
+def change(taps, now, t):  # type: ignore[no-untyped-def]
+    """Let signals begin, bend, end or jump at ``t``; whether any does."""
+    mode, size, changed = now.mode[0], len(now.a), False
+    while is_due(taps.edges[now.due[EDGE]], t):
         for k in range(len(taps.signals.terms)):
             start = taps.signals.terms[k, 3]
-            if start == taps.edges[now.due[1]] and taps.signals.terms[k, 4] == start:
+            if start == taps.edges[now.due[EDGE]] and taps.signals.terms[k, 4] == start:
                 for i in range(size):
                     for j in range(taps.signals.effect.shape[1]):
                         by = taps.signals.effect[k, j] * taps.signals.terms[k, 0]
                         now.a[i] += taps.N[mode, i, now.v.shape[0] - taps.signals.effect.shape[1] + j] * by
-        now.due[1] += 1
-        level = -1
-    while now.due[3] < now.due[4] and now.queue[now.due[3] % len(now.queue)] <= t + SAME:
+        now.due[EDGE] += 1
+        changed = True
+    return changed
+
+
+@compiled
+def act(taps, now, t):  # type: ignore[no-untyped-def]
+    """Carry out actions and resets of the period that are due at ``t``; whether there are any."""
+    acts = False
+    while has_action(now, t):
         _map(taps.jump, now)
-        now.due[3] += 1
-        level = -1
-    while now.due[0] * taps.period <= t + SAME:
+        acts = True
+    while is_due(now.due[RESET] * taps.period, t):
         _map(taps.J, now)
-        now.due[0] += 1
-        level = -1
-    return level, now.due[2] * taps.clock <= t + SAME or now.when[1] <= t + SAME
+        now.due[RESET] += 1
+        acts = True
+    return acts
 
 
 @compiled
 def fire(taps, now, t):  # type: ignore[no-untyped-def]
-    """An event at ``t``: the state's jump, its action, the mode that follows, and when the rule is watched again."""
+    """An event at ``t``: the state's jump, the mode that follows, and what is planned after it."""
     _map(taps.J, now)
-    if taps.delay > 0:
-        now.queue[now.due[4] % len(now.queue)] = t + taps.delay
-        now.due[4] += 1
-    if now.due[2] * taps.clock <= t + SAME:
-        now.due[2] += 1
-    now.when[0], now.when[1], now.when[2] = t + taps.wait, np.inf, t
+    plan_after(taps, now, t)
     now.mode[0] = taps.after[now.mode[0]]
     choose(taps, now)
 
 
 @compiled
-def reach_rule(taps, now, t):  # type: ignore[no-untyped-def]
-    """The event rule has reached a face at ``t``; whether that is the event, and not the beginning of its sample."""
-    if taps.sampling > 0:
-        now.when[0], now.when[1] = np.inf, t + taps.sampling
-        return False
-    return True
-
-
-@compiled
 def until(taps, now, t, longest):  # type: ignore[no-untyped-def]
     """When the next thing happens to the controller by itself, at most ``longest`` [s]."""
-    longest = min(longest, now.due[0] * taps.period, taps.edges[now.due[1]], now.due[2] * taps.clock, now.when[1])
-    if now.due[3] < now.due[4]:
-        longest = min(longest, now.queue[now.due[3] % len(now.queue)])
-    if len(taps.cuts) > 1 and now.when[0] > t + SAME:
-        longest = min(longest, now.when[0])
-    return longest
+    end = next_instant(taps, now, min(taps.edges[now.due[EDGE]], now.due[RESET] * taps.period), longest)
+    if len(taps.cuts) > 1 and not is_watched(now, t):
+        end = min(end, now.when[READY])
+    return end
 
 
 @compiled
 def is_crowded(now):  # type: ignore[no-untyped-def]
     """Whether there is no room in the queue for one action more."""
-    return now.due[4] - now.due[3] >= len(now.queue) - 1
+    return now.due[PLANNED] - now.due[ACTED] >= len(now.queue) - 1
 
 
 @compiled
 def is_armed(taps, now, t):  # type: ignore[no-untyped-def]
     """Whether the event rule is watched from ``t`` on."""
-    return len(taps.cuts) > 1 and now.when[0] <= t + SAME and taps.watched[now.mode[0]]
+    return len(taps.cuts) > 1 and is_watched(now, t) and taps.watched[now.mode[0]]
 
 
 @compiled
@@ -345,40 +343,39 @@ def cut(taps, now, t, end):  # type: ignore[no-untyped-def]
     What is reached at the stretch's end is looked at again where the next one begins, after what is due there:
     ``now.met`` says which it is.
     """
-    now.met[0] = -1
+    now.met[MEETS] = -1
     theta, guard = turn(taps, now, (end - t) / taps.unit, is_armed(taps, now, t))
     if guard < 0:
         return end, -1
     at = t + theta * taps.unit
     if end > t and at >= end - SAME:
-        now.met[0] = guard
+        now.met[MEETS] = guard
         return end, -1
     return (t if at - t <= SAME else min(at, end)), guard
 
 
 @compiled
-def judge(taps, now, t, moved):  # type: ignore[no-untyped-def]
-    """Whether the rule causes an event at ``t``, where no stretch begins that would find it.
+def cross(taps, now, t, moved, over):  # type: ignore[no-untyped-def]
+    """What the guard or face does that has been reached at ``t``: whether the mode changes, and whether it is an event.
 
-    ``moved`` says whether the instant's level is −1, so that the state may have jumped since a face was met. Where the
-    event is at the end of a sample, which begins here, the answer is no.
+    A guard or face that was met where something else is due, or that is beyond its level after what has ``moved``
+    there, is found where the next stretch begins, which may have no length; at the end none does, so where the run is
+    ``over``, or the plant has fallen, it is judged here. Guards whose signs change at one instant change them together.
     """
-    if not is_armed(taps, now, t):
-        return False
-    return (beyond(taps, now) or (now.met[0] >= len(taps.c) and not moved)) and reach_rule(taps, now, t)
-
-
-@compiled
-def turn_last(taps, now, moved):  # type: ignore[no-untyped-def]
-    """Whether the guard that was met at the run's end changes the mode there, where no stretch begins that finds it.
-
-    ``moved`` is that of :func:`judge`.
-    """
-    guard = now.met[0]
-    if moved or not 0 <= guard < len(taps.c):
-        return False
-    now.sign[guard] = 1 - now.sign[guard]
-    return choose(taps, now)
+    guard, guards = now.met[ENDS], len(taps.c)
+    if guard < 0 and over:
+        if is_armed(taps, now, t) and (beyond(taps, now) or (now.met[MEETS] >= guards and not moved)):
+            guard = guards
+        elif 0 <= now.met[MEETS] < guards and not moved:
+            guard = now.met[MEETS]
+    if guard >= guards:
+        return False, await_sample(taps, now, t)
+    if guard < 0:
+        return False, False
+    for other in range(guards):
+        if other == guard or now.roots[other] - now.roots[guard] <= SAME / taps.unit:
+            now.sign[other] = 1 - now.sign[other]
+    return choose(taps, now), False
 
 
 @compiled
@@ -430,23 +427,16 @@ def foresee(taps, history, now, t, longest, level):  # type: ignore[no-untyped-d
 
 @compiled
 def leave(taps, now, length, guard):  # type: ignore[no-untyped-def]
-    """Take the controller to the stretch's end, ``length`` units on; whether its mode changes there.
-
-    Guards whose signs change at one instant change them together.
-    """
+    """Take the controller to the stretch's end, ``length`` units on, where a guard or face is reached, or −1."""
     p = now.A.shape[1] - 1
     for i in range(len(now.a)):
         now.a[i] = evaluate(now.A[i], p, length)
-    now.met[1] = now.met[1] + 1 if 0 <= guard < len(now.sign) and length < _SOON else 0
+    now.met[SWITCHES] = now.met[SWITCHES] + 1 if 0 <= guard < len(now.sign) and length < _SOON else 0
+    now.met[ENDS] = guard
     if length > 0:  # a command on a stretch of no length was never given
+        now.mode[BEFORE] = now.mode[0]
         for i in range(len(now.last)):
             now.last[i] = evaluate(now.u[i], p, length)
-    if guard < 0 or guard >= len(now.sign):
-        return False
-    for other in range(len(now.sign)):
-        if other == guard or now.roots[other] - now.roots[guard] <= SAME / taps.unit:
-            now.sign[other] = 1 - now.sign[other]
-    return choose(taps, now)
 
 
 @compiled
@@ -461,7 +451,7 @@ def is_sound(now):  # type: ignore[no-untyped-def]
 @compiled
 def is_still(now):  # type: ignore[no-untyped-def]
     """Whether the modes switch to and fro and time does not advance."""
-    return now.met[1] > _SWITCHES
+    return now.met[SWITCHES] > _MOST_SWITCHES
 
 
 @compiled
@@ -503,9 +493,3 @@ def remember(history, t, level):  # type: ignore[no-untyped-def]
     history.start[k], history.level[k] = t, level
     history.count[0] = k + 1
     return k
-
-
-@cache
-def sources() -> int:
-    """A number that changes with these files."""
-    return contents(Path(__file__).parent)
