@@ -11,7 +11,7 @@ import icmj
 from benchmarks.row import Row, interleaved, median
 from benchmarks.task import three_link
 from icmj.engine.closed_loop import close_loop
-from icmj.engine.native.adaptive_loop import AdaptiveLoop
+from icmj.engine.native.adapted_steps import AdaptedSteps
 from icmj.engine.native.state import neighbours_of, rates_at
 from icmj.engine.schedule import recording
 from icmj.simulation.native.loop import Status
@@ -39,7 +39,7 @@ def _adaptive(tolerance: float) -> list[Row]:
     steps = passes = 0
     with loop.ready():
         stepper = loop.stepper(data, schedule)
-        assert isinstance(stepper, AdaptiveLoop)
+        assert isinstance(stepper, AdaptedSteps)
 
         def run() -> None:
             nonlocal steps, passes

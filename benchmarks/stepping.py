@@ -12,7 +12,7 @@ from benchmarks.python_loop import PythonLoop
 from benchmarks.row import Row, interleaved, median
 from benchmarks.task import three_link
 from icmj.engine.native.field import callbacks
-from icmj.engine.native.loop import FixedLoop
+from icmj.engine.native.fixed_steps import FixedSteps
 from icmj.engine.safety import install_callbacks
 from icmj.engine.schedule import recording
 from icmj.simulation.native.loop import Status
@@ -36,7 +36,7 @@ def rows() -> list[Row]:
     schedule = loop.schedule(Settings(duration=1e4), model.opt.timestep)
     point = task.plant.linearisation.point.qpos
     with install_callbacks(*callbacks()):
-        native = FixedLoop(model, loop.data(task.x, np.tile(task.x_o, 2)), schedule, point)
+        native = FixedSteps(model, loop.data(task.x, np.tile(task.x_o, 2)), schedule, point)
     events = 0
 
     def stepping(plant: mujoco.MjModel) -> Callable[[], None]:

@@ -141,9 +141,42 @@ def test_nobody_asks_which_family_a_controller_is_of() -> None:
     assert not [name_of(path) for path in MODULES if asked.search(path.read_text(encoding="utf-8"))]
 
 
+def test_there_is_one_event_loop() -> None:
+    """What is compiled and follows a run does so in ``run_loop``, which alone calls the verbs of a flow.
+
+    So what comes first at an instant stands in one place. Flows plan and pass instants only where these verbs are.
+    """
+    verbs = {"travel", "change", "act", "tick", "cross", "fire", "end"}
+    homes = {"has_action": {"act"}, "plan_after": {"fire"}, "await_sample": {"cross"}, "next_event": {"tick"}}
+    loops, entries = set(), {}
+    for path in MODULES:
+        if "native" not in path.parts:
+            continue
+        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(function, ast.FunctionDef):
+                continue
+            calls = [
+                node.func.id for node in ast.walk(function) if isinstance(node, ast.Call) and hasattr(node.func, "id")
+            ]
+            name, called = function.name.removeprefix("_"), {each.removeprefix("_") for each in calls}
+            if called & verbs - {name}:
+                loops.add(function.name)
+            for helper in homes.keys() & called:
+                assert name in homes[helper] | {"next_instant"}, f"{name_of(path)} calls {helper} in {function.name}"
+            if any(getattr(decorator, "id", "") == "entry" for decorator in function.decorator_list):
+                entries[f"{path.parts[-3]}.{path.stem}"] = "run_loop" in calls
+    assert loops == {"run_loop"}
+    assert {name for name, through in entries.items() if through} == {
+        "linear.pieces", "linear.stretches", "engine.fixed_steps", "engine.adapted_steps", "engine.stretches",
+    }  # fmt: skip
+    # the others visit states of a motion that is known, look for extremes in it, or evaluate sinusoids
+    others = {"engine.state", "engine.adaptive", "simulation.waves"}
+    assert {name for name, through in entries.items() if not through} <= others
+
+
 def test_modules_become_fewer() -> None:
     """This number may only fall."""
-    assert len(MODULES) <= 174
+    assert len(MODULES) <= 173
 
 
 def test_contributing_draws_these_floors() -> None:

@@ -54,7 +54,7 @@ from icmj.simulation.settings import Settings, points_between
 from icmj.simulation.taps import POWERS
 
 if TYPE_CHECKING:
-    from icmj.engine.native.loop import FixedLoop
+    from icmj.engine.native.fixed_steps import FixedSteps
 
 NAME = "icmj_controller"
 
@@ -449,16 +449,16 @@ class ComposedLoop:
             sampling=self.controller.sampling_delay,
         )
 
-    def stepper(self, data: mujoco.MjData, schedule: Schedule) -> FixedLoop:
+    def stepper(self, data: mujoco.MjData, schedule: Schedule) -> FixedSteps:
         """A stepper of the model from event to event, from the state in ``data``; within :meth:`ready`."""
         qpos = self.plant.linearisation.point.qpos
         if schedule.tolerance > 0:
-            from icmj.engine.native.adaptive_loop import AdaptiveLoop
+            from icmj.engine.native.adapted_steps import AdaptedSteps
 
-            return AdaptiveLoop(self.model, data, schedule, qpos)
-        from icmj.engine.native.loop import FixedLoop
+            return AdaptedSteps(self.model, data, schedule, qpos)
+        from icmj.engine.native.fixed_steps import FixedSteps
 
-        return FixedLoop(self.model, data, schedule, qpos)
+        return FixedSteps(self.model, data, schedule, qpos)
 
     def tracker(self, data: mujoco.MjData, schedule: Schedule) -> ExtremesTracker:
         """The object that finds the extremes of the outputs of a run from ``data``."""

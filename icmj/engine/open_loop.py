@@ -26,7 +26,7 @@ from icmj.simulation.native.loop import Status
 from icmj.simulation.settings import LEAST_TOLERANCE, Settings
 
 if TYPE_CHECKING:
-    from icmj.engine.native.loop import FixedLoop
+    from icmj.engine.native.fixed_steps import FixedSteps
 
 DEFAULT_TOLERANCE = 1e-8
 
@@ -138,7 +138,7 @@ class EngineOpenLoop:
         self._record: Recording = recording(CHUNK, loop.model.nsensordata, loop.width) if like is None else like._record
         self._around: list[Any] = [] if like is None else like._around
         if like is not None and _method(like.schedule) == _method(schedule):
-            self._steps: FixedLoop = like._steps.reschedule(self.schedule, loop.plant.linearisation.point.qpos)
+            self._steps: FixedSteps = like._steps.reschedule(self.schedule, loop.plant.linearisation.point.qpos)
             return
         with loop.ready():
             self._steps = loop.stepper(self.data, self.schedule)

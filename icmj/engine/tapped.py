@@ -2,21 +2,20 @@
 
 Over a stretch (:mod:`icmj.simulation.native.taps`) what is read of earlier is known ahead. If that is all that the
 controller reads, the engine integrates under its command, a polynomial in time, as it would under any other input; if
-not, the controller's state is integrated with the plant (:mod:`icmj.engine.native.tapped`).
+not, the controller's state is integrated with the plant (:mod:`icmj.engine.native.stretches`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import mujoco
 import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.process import defer_interrupt as unhurried
-from icmj.base.roots import SAME
 from icmj.controller.controller import Law, has_trigger
 from icmj.engine.closed_loop import (
     CHUNK,
@@ -41,10 +40,10 @@ from icmj.simulation.taps import (
     POWERS,
     History,
     Now,
+    Taps,
     begin,
     copy_of,
     first_command,
-    first_level,
     least_of,
     lengthen,
     levels_of,
@@ -54,10 +53,25 @@ from icmj.simulation.taps import (
 )
 
 if TYPE_CHECKING:
-    from icmj.engine.native.tapped import Tapped
+    from icmj.engine.native.stretches import Reader, Track
 
 _SWING = 3.0  # rad of a sinusoid that the polynomial of a stretch takes in: to 1e-11 of it
 _SAMPLES = 4096  # of one stretch
+
+
+class Tapped(NamedTuple):
+    """What the march works on besides the engine: the controller, its history, where it is, and what is recorded."""
+
+    taps: Taps
+    history: History
+    now: Now
+    reader: Reader
+    track: Track
+
+    @property
+    def own(self) -> int:
+        """Number of states of the controller that are integrated with the plant."""
+        return self.track.y.shape[1] - len(self.reader.entries)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,17 +79,14 @@ class Stand:
     """The progress of a run between two stretches, from which it can be continued again.
 
     Attributes:
-        t, event: now, and at the last event [s].
+        t: now [s].
         history, now: of the controller.
-        level: of what begins now.
         state: (qpos, qvel, act) of the engine.
     """
 
     t: float
-    event: float
     history: History
     now: Now
-    level: int
     state: tuple[Array, Array, Array]
 
 
@@ -136,8 +147,9 @@ class TappedLoop(ComposedLoop):
         stand: Stand | None = None,
     ) -> TappedRecord:
         """Run from ``data``, which are at the run's begin or at a ``stand``, until the schedule's end or another."""
-        from icmj.engine.native.adaptive_loop import AdaptiveLoop
-        from icmj.engine.native.tapped import SAMPLES, march
+        from icmj.engine.native.adapted_steps import AdaptedSteps
+        from icmj.engine.native.memory import run_guarded
+        from icmj.engine.native.stretches import SAMPLES, compile_stretches
 
         mujoco.mj_forward(self.model, data)
         tapped = self._make_tapped(data, schedule, stand)
@@ -148,12 +160,13 @@ class TappedLoop(ComposedLoop):
         stands = [_stand(tapped, data)] * 2
         with self.ready():
             loop = self.stepper(data, schedule)
-            if isinstance(loop, AdaptiveLoop):
+            if isinstance(loop, AdaptedSteps):
                 loop.look(SAMPLES)
             try:
                 while status == Status.RUNNING and crowded is None:
                     try:
-                        status = march(loop, record, tapped, stands[-1].t + every)
+                        arguments = (*loop.parts, record, *tapped, stands[-1].t + every)
+                        status = int(run_guarded(compile_stretches(), arguments, loop.faulty))
                     except (EngineFault, mujoco.FatalError) as error:  # what was simulated before stays
                         fault = str(error) if isinstance(error, EngineFault) else words(error)
                         status = Status.DIVERGED
@@ -165,7 +178,7 @@ class TappedLoop(ComposedLoop):
                     if status == Status.FULL:
                         tapped = tapped._replace(history=widen(tapped.history), now=lengthen(tapped.now))
                         status = int(Status.RUNNING)
-                    if data.time >= stands[-1].t + every and not tapped.track.marks[2]:
+                    if data.time >= stands[-1].t + every and not tapped.track.marks[1]:
                         stands = [stands[-1], _stand(tapped, data)]
                     if progress is not None:
                         progress(min(data.time / schedule.t_end, 1.0))
@@ -188,7 +201,7 @@ class TappedLoop(ComposedLoop):
 
     def _make_tapped(self, data: mujoco.MjData, schedule: Schedule, stand: Stand | None) -> Tapped:
         """The controller and where it is, with its readings and records, for a run from ``data``."""
-        from icmj.engine.native.tapped import Reader, Tapped, Track
+        from icmj.engine.native.stretches import Reader, Track
 
         realisation, here = self.controller.realisation, self.plant.linearisation
         # of a step that is a whole stretch the dense output is coarser than its end, from which its length follows
@@ -199,7 +212,7 @@ class TappedLoop(ComposedLoop):
         if stand is None:
             a = data.act[self.block.act][:n_a] if joint else None
             history, now = begin(taps, realisation, self.y(data.sensordata) + self.errors(0.0), a)
-            stand = Stand(0.0, 0.0, history, now, first_level(realisation), ())  # type: ignore[arg-type]
+            stand = Stand(0.0, history, now, ())  # type: ignore[arg-type]
         nu, entries = len(self.block.ctrl_0), len(self.block.y_0)
         modes = [at_ports(self.plant, mode, nu, entries) for mode in realisation.modes if joint]
         M, N, K, S = (
@@ -215,9 +228,9 @@ class TappedLoop(ComposedLoop):
         )  # fmt: skip
         own_states = n_a if joint else 0
         track = Track(
-            t=np.array([stand.t, stand.t, stand.event, stand.t, 0.0]),
-            marks=np.array([stand.level, -1, 0, 0, 0, 0, 0, 0]),
-            counts=np.array([0, 0, np.searchsorted(edges, stand.t - SAME), 0]),
+            t=np.array([stand.t, stand.t, stand.t, 0.0]),
+            marks=np.array([-1, 0, 0, 0, 0, 0]),
+            counts=np.zeros(3, np.int64),
             at=np.zeros(_SAMPLES), y=np.zeros((_SAMPLES, n_y + own_states)),
             states=np.zeros((0 if schedule.tolerance > 0 else _SAMPLES, self.width)),
             near=np.zeros(_SAMPLES, np.int64), begin=np.zeros(self.model.nq + self.model.nv + self.model.na),
@@ -265,9 +278,9 @@ class _Log:
 
 def _stand(tapped: Tapped, data: mujoco.MjData) -> Stand:
     """A copy of the present progress, with the engine's state."""
-    track, (history, now) = tapped.track, copy_of(tapped.history, tapped.now)
+    history, now = copy_of(tapped.history, tapped.now)
     state = data.qpos.copy(), data.qvel.copy(), data.act.copy()
-    return Stand(float(data.time), float(track.t[2]), history, now, int(track.marks[0]), state)
+    return Stand(float(data.time), history, now, state)
 
 
 def close(plant: MujocoPlant, law: Law, settings: Settings) -> ComposedLoop:

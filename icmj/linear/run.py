@@ -5,7 +5,7 @@ expanded; on each step the event function is a polynomial (to round-off), and wh
 step is decided by its Bernstein coefficients, not by sampling. The same holds for the limit on positions and for the
 extremes of the outputs. What disturbs, noise included, is a function of time whose response is exact, too.
 
-Any other controller is simulated from its realisation alone, stretch by stretch (:mod:`icmj.linear.native.tapped`).
+Any other controller is simulated from its realisation alone, stretch by stretch (:mod:`icmj.linear.native.stretches`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from icmj.base.process import defer_interrupt, limit_to_one_thread
 from icmj.controller.controller import Law, has_trigger
 from icmj.controller.realisation import Realisation
 from icmj.linear.loop import positions_of
-from icmj.linear.native.tapped import Body, Grid, Track, marching
+from icmj.linear.native.stretches import Body, Grid, Track, compile_stretches
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
@@ -37,7 +37,6 @@ from icmj.simulation.taps import (
     expect_no_observer,
     expect_readings,
     first_command,
-    first_level,
     least_of,
     lengthen,
     levels_of,
@@ -110,7 +109,7 @@ def simulate_tapped(
         interval=float(settings.record_interval), end=float(settings.duration), F=from_powers(POWERS - 1),
     )  # fmt: skip
     track = Track(
-        t=np.zeros(3), level=np.array([first_level(realisation)]), counts=np.array([0, 1, 0, 0, 0, 0]),
+        t=np.zeros(2), counts=np.array([1, 0, 0, 0]),
         X=np.zeros((n, POWERS)), y=np.zeros((n_y + 1, POWERS)), room=np.zeros((2, POWERS)),
         high=plant.C @ x, low=plant.C @ x,
         rows=np.zeros((_TAPPED_ROWS + int(min(H / body.interval, 1e7)), 2 + n + n_u)),
@@ -118,13 +117,13 @@ def simulate_tapped(
     )  # fmt: skip
     track.X[:, 0] = x
     rows = [np.concatenate([[0.0], x, first_command(taps, history, now), now.mode[:1]])[None, :]]
-    events, pace, outcome, march = [track.events[:0].copy()], EventPace(settings.duration), None, marching()
+    events, pace, outcome, march = [track.events[:0].copy()], EventPace(settings.duration), None, compile_stretches()
 
     def keep() -> Array:
         with defer_interrupt():
-            rows.append(track.rows[: track.counts[2]].copy())
-            events.append(track.events[: track.counts[3]].copy())
-            track.counts[2:4] = 0
+            rows.append(track.rows[: track.counts[1]].copy())
+            events.append(track.events[: track.counts[2]].copy())
+            track.counts[1:3] = 0
             return events[-1][:, 0]
 
     try:

@@ -14,7 +14,7 @@ from icmj.base.array import Array
 from icmj.base.process import defer_interrupt
 from icmj.controller.controller import Controller, compose, start_state
 from icmj.linear.loop import LinearLoop, forcing, linear_loop
-from icmj.linear.native.state import FRESH, Acting, Count, Now, Run, Tables
+from icmj.linear.native.motion import FRESH, Acting, Count, Now, Run, Tables
 from icmj.linear.tables import Response, tables
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
@@ -69,9 +69,9 @@ class Simulator:
                 not have.
         """
         from icmj.base.compilation import call
-        from icmj.linear.native.simulator import simulator
+        from icmj.linear.native.pieces import compile_pieces
 
-        self._simulate, self._call = simulator(), call
+        self._simulate, self._call = compile_pieces(), call
         self.disturbance, _, self.pushes = parts = acting_on(plant, settings, controller)
         shares = self.disturbance.shares
         self.loop = loop = linear_loop(plant, controller, [index for index, _ in shares])

@@ -1,4 +1,4 @@
-"""Matrices that propagate the state and bound events and outputs (:mod:`icmj.linear.native.state`).
+"""Matrices that propagate the state and bound events and outputs (:mod:`icmj.linear.native.motion`).
 
 All come from one series. With s = (z, f) and G its generator, of which f is a shift, rows c of z follow along a step
 
@@ -29,7 +29,7 @@ from numpy.polynomial.chebyshev import cheb2poly, chebvander
 
 from icmj.base.array import Array, economise, from_powers
 from icmj.linear.loop import Forcing, LinearLoop
-from icmj.linear.native.state import Acting, Tables
+from icmj.linear.native.motion import Acting, Tables
 from icmj.simulation.disturbance import Waves, coefficients, enough, nodes, on_parts
 from icmj.simulation.settings import Gaussian, at_points, lines
 

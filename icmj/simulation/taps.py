@@ -115,9 +115,11 @@ class Now(NamedTuple):
         roots: where on the stretch each changes its sign first, in units of time, shape (G,).
         a: state, shape (N_a,).
         met: which guard, or face of the rule (numbered behind them), is met where the last stretch ended and something
-            else is due, and which ended it, −1 for none; how many stretches in a row have ended soon in a switch; and
-            whether a fall is met; shape (4,).
-        due, when, queue: what is planned, see :mod:`icmj.simulation.native.loop`; shapes (5,), (3,), (capacity,).
+            else is due, and which ended it, −1 for none; how many stretches in a row have ended soon in a switch;
+            whether a fall is met; whether the last stretch had any length; and whether the mode has changed at its
+            end; shape (6,).
+        level: of what begins now, see :mod:`icmj.simulation.native.taps`; shape (1,).
+        due, when, queue: what is planned, see :mod:`icmj.simulation.native.loop`; shapes (6,), (3,), (capacity,).
         v, A, u: readings, state and command on the stretch under way, shapes (n_v, p + 1), (N_a, p + 1), (n_u, p + 1).
         last: command at the end of the stretch before, shape (n_u,).
         after: room for a state, shape (N_a,).
@@ -132,6 +134,7 @@ class Now(NamedTuple):
     roots: Array
     a: Array
     met: np.ndarray
+    level: np.ndarray
     due: np.ndarray
     when: Array
     queue: Array
@@ -220,8 +223,9 @@ def begin(
         queue[0] = taps.delay
     return history, Now(
         mode=np.repeat(realisation.following(0, w), 2), sign=sign, roots=np.zeros(len(sign)), a=a,
-        met=np.array([-1, -1, 0, 0]),
-        due=np.array([1, 0, 1, 0, int(acts)]), when=np.array([taps.wait, np.inf, 0.0]), queue=queue,
+        met=np.array([-1, -1, 0, 0, 0, 0]),
+        level=np.array([-1 if realisation.commands else 0]),  # commands may jump there
+        due=np.array([1, 0, 1, 0, int(acts), 0]), when=np.array([taps.wait, np.inf, 0.0]), queue=queue,
         v=np.zeros((n_v, POWERS)), A=np.zeros((size, POWERS)), u=np.zeros((n_u, POWERS)), last=np.zeros(n_u),
         after=np.zeros(size),
         values=np.zeros((len(taps.nodes), len(r) + taps.direct + size)), reach=np.zeros(n_v + size),
@@ -243,11 +247,6 @@ def levels_of(edges: Array, acting: Acting) -> np.ndarray:
     levels = np.where(np.isin(edges, acting.edges), 0, 0 if acting.errors.gaussian else 1)
     levels[np.isin(edges, acting.errors.edges)] = -1
     return levels
-
-
-def first_level(realisation: Realisation) -> int:
-    """The level of a run's begin: its commands may jump there."""
-    return -1 if realisation.commands else 0
 
 
 def first_command(taps: Taps, history: History, now: Now) -> Array:

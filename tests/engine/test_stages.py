@@ -19,7 +19,7 @@ from icmj.controller.trigger import EventTrigger
 from icmj.engine.block import Slot, Stages, block_of, may_constrain, stages_of
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.native.field import callbacks, flow
-from icmj.engine.native.loop import save, step
+from icmj.engine.native.fixed_steps import save, step
 from icmj.engine.native.state import PROGRESS, engine_of
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.safety import install_callbacks

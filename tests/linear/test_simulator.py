@@ -15,7 +15,7 @@ import icmj
 from icmj.controller.controller import Controller
 from icmj.controller.design import Delay, system_matched, zero_order
 from icmj.controller.trigger import BoxTrigger, ClockTrigger
-from icmj.linear.native.simulator import simulator
+from icmj.linear.native.pieces import compile_pieces
 from icmj.linear.run import simulate
 from icmj.linear.simulator import Simulator, open_loop
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
@@ -185,7 +185,7 @@ def test_a_prepared_simulator_runs_again_as_it_ran_before():
 
 def test_what_is_kept_on_disk_is_found_by_the_next_process():
     # numba looks it up by the closure's contents; a compiled function among them is another in every process
-    assert [type(cell.cell_contents) for cell in simulator().py_func.__closure__] == [int]
+    assert [type(cell.cell_contents) for cell in compile_pieces().py_func.__closure__] == [int]
 
 
 @pytest.mark.parametrize("interval", [0.001, 0.005, 0.02, 0.3])

@@ -203,7 +203,7 @@ def push(b, m, d, moments, applied, waves):  # type: ignore[no-untyped-def]
 _sensor_pos, _sensor_vel = engine_function("mj_sensorPos"), engine_function("mj_sensorVel")
 
 # Constants that compiled code freezes; MuJoCo's layout enters by closure variables instead (see callbacks). Code gone
-# stale is caught at start-up by icmj.engine.native.loop.
+# stale is caught at start-up by icmj.engine.native.fixed_steps.
 _MAGIC, _VERSION, _HEADER, _INPUT = block.MAGIC, block.VERSION, block.HEADER, block.SIGNAL
 _N_DYN, _USER = int(mujoco.mjNDYN), int(mujoco.mjtDyn.mjDYN_USER)
 _VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)

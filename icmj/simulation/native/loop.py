@@ -43,8 +43,9 @@ What the controller has planned (*agenda*) is the same for all flows. Its argume
 
 - ``when``: :data:`READY`, from when the rule is watched; :data:`SAMPLE`, when a sample is taken; :data:`LAST`, the last
   event [s];
-- ``due``: numbers of the next :data:`RESET` of a period, :data:`EDGE` of what acts and :data:`TICK` of the clock, and
-  of actions that have been carried out (:data:`ACTED`) and planned (:data:`PLANNED`);
+- ``due``: numbers of the next :data:`RESET` of a period, :data:`EDGE` of what acts, :data:`SIGNAL` of the controller's
+  own signals and :data:`TICK` of the clock, and of actions that have been carried out (:data:`ACTED`) and planned
+  (:data:`PLANNED`);
 - ``queue``: times of actions, in a ring [s].
 """
 
@@ -83,7 +84,7 @@ class Status(IntEnum):
 ARRIVED = -2  # of a journey
 _RUNNING = int(Status.RUNNING)
 READY, SAMPLE, LAST = 0, 1, 2
-RESET, EDGE, TICK, ACTED, PLANNED = 0, 1, 2, 3, 4
+RESET, EDGE, TICK, ACTED, PLANNED, SIGNAL = 0, 1, 2, 3, 4, 5
 
 
 @merged

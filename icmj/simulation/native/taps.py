@@ -22,26 +22,31 @@ from math import comb
 
 import numpy as np
 
-from icmj.base.compilation import compiled
+from icmj.base.compilation import compiled, exact
 from icmj.base.roots import SAME, evaluate, first_root
 from icmj.simulation.native.loop import (
     ACTED,
     EDGE,
+    LAST,
     PLANNED,
     READY,
     RESET,
+    SIGNAL,
+    Status,
     await_sample,
     has_action,
     is_due,
     is_watched,
+    next_event,
     next_instant,
     plan_after,
 )
 from icmj.simulation.native.waves import add_waves
 
 SMOOTH = 1 << 20  # the level of a smooth instant
-MEETS, ENDS, SWITCHES, FALLS = 0, 1, 2, 3  # of now.met
+MEETS, ENDS, SWITCHES, FALLS, MOVES, TURNS = 0, 1, 2, 3, 4, 5  # of now.met
 BEFORE = 1  # of now.mode
+_RUNNING, _COMPLETED, _FELL = int(Status.RUNNING), int(Status.COMPLETED), int(Status.FELL)
 _DIVERGED = 1e12  # of the controller's state
 _MOST_SWITCHES, _SOON = 5000, 1e-3  # so many stretches in a row that end in a switch, none as long as this [units]
 _NOTHING = 1e-300  # less than the square of any reading
@@ -160,49 +165,9 @@ def _map(matrix, now):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def change(taps, now, t):  # type: ignore[no-untyped-def]
-    """Let signals begin, bend, end or jump at ``t``; whether any does."""
-    mode, size, changed = now.mode[0], len(now.a), False
-    while is_due(taps.edges[now.due[EDGE]], t):
-        for k in range(len(taps.signals.terms)):
-            start = taps.signals.terms[k, 3]
-            if start == taps.edges[now.due[EDGE]] and taps.signals.terms[k, 4] == start:
-                for i in range(size):
-                    for j in range(taps.signals.effect.shape[1]):
-                        by = taps.signals.effect[k, j] * taps.signals.terms[k, 0]
-                        now.a[i] += taps.N[mode, i, now.v.shape[0] - taps.signals.effect.shape[1] + j] * by
-        now.due[EDGE] += 1
-        changed = True
-    return changed
-
-
-@compiled
-def act(taps, now, t):  # type: ignore[no-untyped-def]
-    """Carry out actions and resets of the period that are due at ``t``; whether there are any."""
-    acts = False
-    while has_action(now, t):
-        _map(taps.jump, now)
-        acts = True
-    while is_due(now.due[RESET] * taps.period, t):
-        _map(taps.J, now)
-        now.due[RESET] += 1
-        acts = True
-    return acts
-
-
-@compiled
-def fire(taps, now, t):  # type: ignore[no-untyped-def]
-    """An event at ``t``: the state's jump, the mode that follows, and what is planned after it."""
-    _map(taps.J, now)
-    plan_after(taps, now, t)
-    now.mode[0] = taps.after[now.mode[0]]
-    choose(taps, now)
-
-
-@compiled
 def until(taps, now, t, longest):  # type: ignore[no-untyped-def]
     """When the next thing happens to the controller by itself, at most ``longest`` [s]."""
-    end = next_instant(taps, now, min(taps.edges[now.due[EDGE]], now.due[RESET] * taps.period), longest)
+    end = next_instant(taps, now, min(taps.edges[now.due[SIGNAL]], now.due[RESET] * taps.period), longest)
     if len(taps.cuts) > 1 and not is_watched(now, t):
         end = min(end, now.when[READY])
     return end
@@ -355,30 +320,6 @@ def cut(taps, now, t, end):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def cross(taps, now, t, moved, over):  # type: ignore[no-untyped-def]
-    """What the guard or face does that has been reached at ``t``: whether the mode changes, and whether it is an event.
-
-    A guard or face that was met where something else is due, or that is beyond its level after what has ``moved``
-    there, is found where the next stretch begins, which may have no length; at the end none does, so where the run is
-    ``over``, or the plant has fallen, it is judged here. Guards whose signs change at one instant change them together.
-    """
-    guard, guards = now.met[ENDS], len(taps.c)
-    if guard < 0 and over:
-        if is_armed(taps, now, t) and (beyond(taps, now) or (now.met[MEETS] >= guards and not moved)):
-            guard = guards
-        elif 0 <= now.met[MEETS] < guards and not moved:
-            guard = now.met[MEETS]
-    if guard >= guards:
-        return False, await_sample(taps, now, t)
-    if guard < 0:
-        return False, False
-    for other in range(guards):
-        if other == guard or now.roots[other] - now.roots[guard] <= SAME / taps.unit:
-            now.sign[other] = 1 - now.sign[other]
-    return choose(taps, now), False
-
-
-@compiled
 def _command(taps, now):  # type: ignore[no-untyped-def]
     """The controller's state and its command as polynomials, from its state and the readings."""
     mode, size, n = now.mode[0], len(now.a), now.v.shape[0]
@@ -432,7 +373,7 @@ def leave(taps, now, length, guard):  # type: ignore[no-untyped-def]
     for i in range(len(now.a)):
         now.a[i] = evaluate(now.A[i], p, length)
     now.met[SWITCHES] = now.met[SWITCHES] + 1 if 0 <= guard < len(now.sign) and length < _SOON else 0
-    now.met[ENDS] = guard
+    now.met[ENDS], now.met[MOVES] = guard, length > 0
     if length > 0:  # a command on a stretch of no length was never given
         now.mode[BEFORE] = now.mode[0]
         for i in range(len(now.last)):
@@ -493,3 +434,112 @@ def remember(history, t, level):  # type: ignore[no-untyped-def]
     history.start[k], history.level[k] = t, level
     history.count[0] = k + 1
     return k
+
+
+# verbs of :mod:`icmj.simulation.native.loop`, the same for the stretches of both plants: ``f`` has ``taps``, ``now``,
+# ``time`` (whose first is now), ``edges`` and ``levels`` of what acts, and the ``end`` of the run
+
+
+@exact
+def change(f):  # type: ignore[no-untyped-def]
+    """Pass the edges that are due, and those of signals, which may move the controller's state."""
+    taps, now, t = f.taps, f.now, f.time[0]
+    while is_due(f.edges[now.due[EDGE]], t):
+        now.level[0] = min(now.level[0], f.levels[now.due[EDGE]])
+        now.due[EDGE] += 1
+    while is_due(taps.edges[now.due[SIGNAL]], t):
+        for k in range(len(taps.signals.terms)):
+            start = taps.signals.terms[k, 3]
+            if start == taps.edges[now.due[SIGNAL]] and taps.signals.terms[k, 4] == start:
+                for i in range(len(now.a)):
+                    for j in range(taps.signals.effect.shape[1]):
+                        by = taps.signals.effect[k, j] * taps.signals.terms[k, 0]
+                        now.a[i] += taps.N[now.mode[0], i, now.v.shape[0] - taps.signals.effect.shape[1] + j] * by
+        now.due[SIGNAL] += 1
+        now.level[0] = -1
+    return now.level[0] < 0
+
+
+@exact
+def act(f):  # type: ignore[no-untyped-def]
+    """Carry out actions and resets of the period that are due."""
+    taps, now, t, acts = f.taps, f.now, f.time[0], False
+    while has_action(now, t):
+        _map(taps.jump, now)
+        acts = True
+    while is_due(now.due[RESET] * taps.period, t):
+        _map(taps.J, now)
+        now.due[RESET] += 1
+        acts = True
+    if acts:
+        now.level[0] = -1
+    return acts
+
+
+@exact
+def tick(f):  # type: ignore[no-untyped-def]
+    """Whether the clock ticks, or the sample is taken."""
+    return is_due(next_event(f.taps, f.now), f.time[0])
+
+
+@exact
+def cross(f, moved):  # type: ignore[no-untyped-def]
+    """What the guard or face does that has been reached; whether it is an event.
+
+    A guard or face that was met where something else is due, or that is beyond its level after what has ``moved``
+    there, is found where the next stretch begins, which may have no length. At the end, or after a fall, none begins,
+    so it is judged here. Guards whose signs change at one instant change them together. Without events proper a switch
+    is an event, but only once at an instant.
+    """
+    taps, now, t = f.taps, f.now, f.time[0]
+    guard, guards = now.met[ENDS], len(taps.c)
+    if guard < 0 and (is_over(f) or now.met[FALLS] != 0):
+        if is_armed(taps, now, t) and (beyond(taps, now) or (now.met[MEETS] >= guards and not moved)):
+            guard = guards
+        elif 0 <= now.met[MEETS] < guards and not moved:
+            guard = now.met[MEETS]
+    now.met[ENDS], now.met[TURNS] = -1, 0
+    if guard >= guards:
+        return await_sample(taps, now, t)
+    if guard < 0:
+        return False
+    for other in range(guards):
+        if other == guard or now.roots[other] - now.roots[guard] <= SAME / taps.unit:
+            now.sign[other] = 1 - now.sign[other]
+    if not choose(taps, now):
+        return False
+    now.level[0], now.met[TURNS] = min(now.level[0], 0), now.met[MOVES]
+    return not is_eventful(taps) and t > now.when[LAST]
+
+
+@exact
+def fire(f):  # type: ignore[no-untyped-def]
+    """An event: the state's jump, the mode that follows, and what is planned after it."""
+    taps, now, t = f.taps, f.now, f.time[0]
+    now.when[LAST] = t
+    if is_eventful(taps):  # else it was a switch
+        _map(taps.J, now)
+        plan_after(taps, now, t)
+        now.mode[0] = taps.after[now.mode[0]]
+        choose(taps, now)
+        now.level[0] = -1
+
+
+@exact
+def end(f, event):  # type: ignore[no-untyped-def]
+    """Whether the run ends, and how."""
+    if f.now.met[FALLS] != 0:
+        return _FELL
+    return _COMPLETED if is_over(f) else _RUNNING
+
+
+@exact
+def is_over(f):  # type: ignore[no-untyped-def]
+    """Whether this is the run's last instant."""
+    return is_due(f.end, f.time[0])
+
+
+@compiled
+def is_eventful(taps):  # type: ignore[no-untyped-def]
+    """Whether the controller has events proper: a rule or a clock."""
+    return len(taps.cuts) > 1 or taps.clock < np.inf

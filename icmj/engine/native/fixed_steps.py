@@ -450,7 +450,7 @@ def _cross(f, moved):  # type: ignore[no-untyped-def]
 
 
 @cache
-def fixed_loop() -> Any:
+def compile_fixed_steps() -> Any:
     """The compiled loop of fixed steps."""
     source = sources() + sources_of_loop()
 
@@ -464,7 +464,7 @@ def fixed_loop() -> Any:
     return advance
 
 
-class FixedLoop:
+class FixedSteps:
     """Steps a composed model from event to event, by the timestep of its schedule.
 
     Each step is taken from a forward pass at its start to one at its end, which gives the outputs and, from the
@@ -492,7 +492,7 @@ class FixedLoop:
         self.begin()
         _verify(data, block)
 
-    def reschedule(self, schedule: Schedule, qpos_0: Array) -> FixedLoop:
+    def reschedule(self, schedule: Schedule, qpos_0: Array) -> FixedSteps:
         """The same loop, work arrays included, with another schedule of the same order; for the same thread."""
         other = copy_of(self)
         engine, _, *room = self._run
@@ -522,7 +522,7 @@ class FixedLoop:
         Raises:
             EngineFault, mujoco.FatalError: if MuJoCo gives up.
         """
-        return Status(run_guarded(fixed_loop(), (*self._run, record, steps), self._faulty))
+        return Status(run_guarded(compile_fixed_steps(), (*self._run, record, steps), self._faulty))
 
 
 def _verify(data: mujoco.MjData, block: Block) -> None:

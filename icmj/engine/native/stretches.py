@@ -31,21 +31,20 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.base.roots import SAME, evaluate
 from icmj.engine.block import Slot, Stages
+from icmj.engine.native.adapted_steps import _fly
 from icmj.engine.native.adaptive import get, pass_at, put
-from icmj.engine.native.adaptive_loop import _fly
 from icmj.engine.native.field import flow, forward
-from icmj.engine.native.loop import FixedLoop, save, step
-from icmj.engine.native.memory import address, bare, compiled, engine_function, entry, exact, run_guarded, sources
+from icmj.engine.native.fixed_steps import save, step
+from icmj.engine.native.memory import address, bare, compiled, engine_function, entry, exact, sources
 from icmj.engine.native.state import Engine, Plan, Rule, note, note_event, note_row, standing
 from icmj.engine.schedule import Recording, row_after
-from icmj.simulation.native import taps as of
 from icmj.simulation.native.loop import (
     ARRIVED,
     EDGE,
     RESET,
+    SIGNAL,
     Status,
     is_due,
-    next_event,
     next_instant,
     run_loop,
 )
@@ -54,9 +53,16 @@ from icmj.simulation.native.taps import (
     BEFORE,
     FALLS,
     SMOOTH,
+    TURNS,
+    act,
+    change,
+    cross,
     cut,
+    end,
+    fire,
     foresee,
     is_crowded,
+    is_over,
     is_sound,
     is_still,
     leave,
@@ -64,11 +70,12 @@ from icmj.simulation.native.taps import (
     remember,
     room,
     settle,
+    tick,
 )
 from icmj.simulation.native.waves import Waves, add_waves
 from icmj.simulation.taps import History, Now, Taps
 
-_RUNNING, _COMPLETED = int(Status.RUNNING), int(Status.COMPLETED)
+_RUNNING = int(Status.RUNNING)
 _FELL, _DIVERGED, _STALLED = int(Status.FELL), int(Status.DIVERGED), int(Status.STALLED)
 _FULL = int(Status.FULL)
 _WHOLE = int(Stages.WHOLE)
@@ -111,12 +118,11 @@ class Track(NamedTuple):
     """Where a run is, and what it records beside the engine's rows.
 
     Attributes:
-        t: begin and end of the stretch under way, the last event, the last row, and when the next row was due as the
-            stretch began [s], shape (5,).
-        marks: level of the stretch, guard that ends it, how far it has come, samples of it, why it ends, samples and
-            rows that were recorded at its begin, and whether it had any length, shape (8,).
-        counts: rows with a command, rough instants, edges that are over, stretches until the caller is asked, shape
-            (4,).
+        t: begin and end of the stretch under way, the last row, and when the next row was due as the stretch began
+            [s], shape (4,).
+        marks: guard that ends the stretch, how far it has come, samples of it, why it ends, and samples and rows that
+            were recorded at its begin, shape (6,).
+        counts: rows with a command, rough instants, and stretches until the caller is asked, shape (3,).
         at, y: samples of the stretch under way, their outputs and, if joint, the controller's states, shapes (S,),
             (S, n_y + N_a).
         begin: the engine's state at its begin.
@@ -141,25 +147,10 @@ class Track(NamedTuple):
     rough: Array
 
 
-class Tapped(NamedTuple):
-    """What the march works on besides the engine: the controller, its history, where it is, and what is recorded."""
-
-    taps: Taps
-    history: History
-    now: Now
-    reader: Reader
-    track: Track
-
-    @property
-    def own(self) -> int:
-        """Number of states of the controller that are integrated with the plant."""
-        return self.track.y.shape[1] - len(self.reader.entries)
-
-
 @compiled
 def _sample(engine, reader, track, t):  # type: ignore[no-untyped-def]
     """Take a sample of the outputs at the engine's state; where there is no more room, every second one goes."""
-    k = track.marks[3]
+    k = track.marks[2]
     if k == len(track.at):
         for i in range(k // 2):
             track.at[i] = track.at[2 * i]
@@ -181,14 +172,14 @@ def _sample(engine, reader, track, t):  # type: ignore[no-untyped-def]
             for i in range(len(part)):
                 row[j + i] = part[i]
             j += len(part)
-    track.marks[3] = k + 1
+    track.marks[2] = k + 1
 
 
 @compiled
 def _take(reader, track, record, first):  # type: ignore[no-untyped-def]
     """The samples that an adapted step has left in the record, from the one of this number on."""
     for j in range(first, record.count[0]):
-        k = track.marks[3]
+        k = track.marks[2]
         if k < len(track.at) - 1:  # one is kept for the stretch's end
             track.at[k] = record.dense[j, 0]
             n_y = len(reader.entries)
@@ -197,7 +188,7 @@ def _take(reader, track, record, first):  # type: ignore[no-untyped-def]
             own = track.y.shape[1] - n_y
             for i in range(own):
                 track.y[k, n_y + i] = record.dense[j, record.dense.shape[1] - own + i]
-            track.marks[3] = k + 1
+            track.marks[2] = k + 1
 
 
 @compiled
@@ -206,7 +197,7 @@ def _choose(track):  # type: ignore[no-untyped-def]
 
     Samples much closer together than the others would magnify rounding.
     """
-    count, at, near = track.marks[3], track.at, track.near
+    count, at, near = track.marks[2], track.at, track.near
     gap, k = 0.05 * (at[count - 1] - at[0]) / max(count - 1, 1), 0
     straight = at[count - 1] - at[0] <= _SHORT
     for i in range(count):
@@ -272,7 +263,7 @@ def _remember(taps, history, now, reader, track):  # type: ignore[no-untyped-def
     """Remember what there was to read on the stretch that is over."""
     if len(taps.tau) == 0:
         return
-    n_y, rows = len(reader.entries), history.r[remember(history, track.t[0], track.marks[0])]
+    n_y, rows = len(reader.entries), history.r[remember(history, track.t[0], now.level[0])]
     for i in range(n_y):
         for j in range(rows.shape[1]):
             rows[i, j] = track.curves[i, j]
@@ -319,13 +310,13 @@ def _install(engine, taps, now, reader):  # type: ignore[no-untyped-def]
 def _row_here(engine, plan, progress, record, now, track):  # type: ignore[no-untyped-def]
     """Record a row where the last stretch ended, with the command and the mode that led there, if none is yet."""
     t = engine.time[0]
-    if track.t[3] < t:
+    if track.t[2] < t:
         note_row(engine, record)
         last = record.count[1] - 1
         for i in range(len(now.last)):
             track.u[last, i] = now.last[i]
         track.mode[last] = now.mode[BEFORE]
-        track.counts[0], track.t[3] = record.count[1], t
+        track.counts[0], track.t[2] = record.count[1], t
     if progress[0].next_row <= t + SAME:  # this is that row
         progress[0].next_row = _row_after(t, plan.record_interval)
 
@@ -333,8 +324,8 @@ def _row_here(engine, plan, progress, record, now, track):  # type: ignore[no-un
 @compiled
 def _start(engine, plan, record, taps, history, now, reader, track):  # type: ignore[no-untyped-def]
     """Begin the stretch from where the engine is: what acts, and what is known of the command."""
-    t, level, b, guard = engine.time[0], track.marks[0], engine.block, -1
-    longest = min(plan.t_end, plan.edges[track.counts[2]])
+    t, level, b, guard = engine.time[0], now.level[0], engine.block, -1
+    longest = min(plan.t_end, plan.edges[now.due[EDGE]])
     if reader.joint:
         # so long that its samples and rows find room beside those that are there
         longest = min(longest, t + len(record.dense) // 4 * plan.record_interval)
@@ -353,7 +344,7 @@ def _start(engine, plan, record, taps, history, now, reader, track):  # type: ig
         track.rough[track.counts[1]] = t
         track.counts[1] += 1
     track.t[0], track.t[1] = t, end
-    track.marks[0], track.marks[1], track.marks[2], track.marks[3] = level, guard, _FLYING, 0
+    now.level[0], track.marks[0], track.marks[1], track.marks[2] = level, guard, _FLYING, 0
 
 
 @compiled
@@ -364,20 +355,15 @@ def _command(taps, now, track, record):  # type: ignore[no-untyped-def]
         for i in range(len(now.u)):
             track.u[row, i] = evaluate(now.u[i], now.u.shape[1] - 1, theta)
         track.mode[row] = now.mode[0]
-        track.t[3] = record.rows[row, 0]
+        track.t[2] = record.rows[row, 0]
     track.counts[0] = record.count[1]
-
-
-@compiled
-def _is_due(engine, plan, progress):  # type: ignore[no-untyped-def]
-    return engine.time[0] >= progress[0].next_row - 1e-9 * plan.timestep
 
 
 @compiled
 def _rows(engine, plan, progress, record, track):  # type: ignore[no-untyped-def]
     """Rows of fixed steps that are due before the stretch's last sample; whether there was room for all of them."""
     count = _choose(track)
-    while progress[0].next_row < track.at[track.marks[3] - 1] - SAME:
+    while progress[0].next_row < track.at[track.marks[2] - 1] - SAME:
         if record.count[1] + 2 > len(record.rows):
             return False
         t, row = progress[0].next_row, record.rows[record.count[1]]
@@ -398,11 +384,11 @@ def _turns_back(engine, progress, record, taps, now, track):  # type: ignore[no-
     """
     t, end = track.t[0], track.t[1]
     crossing, guard = cut(taps, now, t, end)
-    track.marks[1] = guard
+    track.marks[0] = guard
     if crossing == end:
         return False
-    record.count[0], record.count[1], progress[0].next_row = track.marks[5], track.marks[6], track.t[4]
-    track.t[1], track.marks[2], track.marks[3], track.marks[4] = crossing, _FLYING, 0, _RUNNING
+    record.count[0], record.count[1], progress[0].next_row = track.marks[4], track.marks[5], track.t[3]
+    track.t[1], track.marks[1], track.marks[2], track.marks[3] = crossing, _FLYING, 0, _RUNNING
     put(engine, track.begin, t)
     return True
 
@@ -414,8 +400,8 @@ def _finish(engine, plan, progress, record, taps, history, now, reader, track, s
     What falls where something is due has not fallen before.
     """
     t, end = track.t[0], track.t[1]
-    track.marks[2], track.marks[7] = _BETWEEN, end > t
-    edge = min(plan.edges[track.counts[2]], taps.edges[now.due[EDGE]], now.due[RESET] * taps.period)
+    track.marks[1] = _BETWEEN
+    edge = min(plan.edges[now.due[EDGE]], taps.edges[now.due[SIGNAL]], now.due[RESET] * taps.period)
     now.met[FALLS] = status == _FELL and is_due(next_instant(taps, now, edge, plan.t_end), end)
     status = _RUNNING if now.met[FALLS] else status
     if status == _RUNNING:
@@ -423,8 +409,8 @@ def _finish(engine, plan, progress, record, taps, history, now, reader, track, s
             if not reader.joint:
                 _curve(taps, now, track)
             _remember(taps, history, now, reader, track)
-            track.marks[0] = SMOOTH
-        leave(taps, now, (end - t) / taps.unit, track.marks[1])
+            now.level[0] = SMOOTH
+        leave(taps, now, (end - t) / taps.unit, track.marks[0])
         if reader.joint:
             for i in range(len(now.a)):
                 now.a[i] = engine.act[engine.first + i]
@@ -459,7 +445,10 @@ def _depart(engine, plan, progress, stepper, record, reader, track):  # type: ig
 
 
 class Stretches(NamedTuple):
-    """All that the flow works on; the run comes back where a stretch begins at ``until`` or later [s]."""
+    """All that the flow works on, and what the verbs of all stretches take (:mod:`icmj.simulation.native.taps`).
+
+    The run comes back where a stretch begins at ``until`` or later [s].
+    """
 
     engine: Engine
     plan: Plan
@@ -474,6 +463,10 @@ class Stretches(NamedTuple):
     reader: Reader
     track: Track
     until: float
+    time: Array
+    edges: Array
+    levels: np.ndarray
+    end: float
 
 
 @exact
@@ -482,9 +475,9 @@ def _travel(f):  # type: ignore[no-untyped-def]
     engine, plan, progress, stepper, record = f.engine, f.plan, f.progress, f.stepper, f.record
     taps, history, now, reader, track = f.taps, f.history, f.now, f.reader, f.track
     time, status, adaptive = engine.time, _RUNNING, plan.tolerance > 0
-    if track.marks[2] == _BETWEEN:
-        track.counts[3] -= 1
-        if track.counts[3] < 0 or time[0] >= f.until:
+    if track.marks[1] == _BETWEEN:
+        track.counts[2] -= 1
+        if track.counts[2] < 0 or time[0] >= f.until:
             return _RUNNING
         if track.counts[1] + 4 > len(track.rough) or record.count[1] + 4 > len(record.rows):
             return _RUNNING
@@ -494,17 +487,17 @@ def _travel(f):  # type: ignore[no-untyped-def]
             return _FULL
         if is_still(now):
             return _STALLED
-        if is_due(min(plan.edges[track.counts[2]], taps.edges[now.due[EDGE]]), time[0]):  # where the run begins
+        if is_due(min(plan.edges[now.due[EDGE]], taps.edges[now.due[SIGNAL]]), time[0]):  # where the run begins
             return ARRIVED
         _start(engine, plan, record, taps, history, now, reader, track)
-        track.t[4], track.marks[5], track.marks[6] = progress[0].next_row, record.count[0], record.count[1]
+        track.t[3], track.marks[4], track.marks[5] = progress[0].next_row, record.count[0], record.count[1]
         if track.t[1] > track.t[0]:
             _depart(engine, plan, progress, stepper, record, reader, track)
     t = track.t[0]
     while True:
         end = track.t[1]
         most = plan.timestep if end - t <= _SHORT else min(plan.timestep, (end - t) / SAMPLES)
-        while track.marks[2] == _FLYING and time[0] < end:
+        while track.marks[1] == _FLYING and time[0] < end:
             if len(record.dense) - max(record.count[0], record.count[1]) < len(record.dense) // 4 + SAMPLES + 4:
                 if not reader.joint:
                     return _RUNNING
@@ -530,11 +523,12 @@ def _travel(f):  # type: ignore[no-untyped-def]
                 _sample(engine, reader, track, time[0])
             if status != _RUNNING or time[0] >= end:
                 break
-            note(engine, progress, plan.record_interval, record, False, adaptive and _is_due(engine, plan, progress))
+            due = adaptive and time[0] >= progress[0].next_row - 1e-9 * plan.timestep
+            note(engine, progress, plan.record_interval, record, False, due)
             if not reader.joint:
                 _command(taps, now, track, record)
-        if track.marks[2] == _FLYING:
-            track.marks[2], track.marks[4] = _ENDING, status
+        if track.marks[1] == _FLYING:
+            track.marks[1], track.marks[3] = _ENDING, status
             if reader.joint:
                 if end > t and status in (_RUNNING, _FELL):
                     track.t[1] = end = time[0]  # where it fell, if it did
@@ -549,121 +543,52 @@ def _travel(f):  # type: ignore[no-untyped-def]
                 if status in (_RUNNING, _FELL):
                     _look(taps, now, reader, track)
                     # what has been flown again is known to end here
-                    if track.marks[1] < 0 and _turns_back(engine, progress, record, taps, now, track):
+                    if track.marks[0] < 0 and _turns_back(engine, progress, record, taps, now, track):
                         status = _RUNNING
                         _depart(engine, plan, progress, stepper, record, reader, track)
                         if track.t[1] > t:
                             continue
-                        track.marks[2], end = _ENDING, t
+                        track.marks[1], end = _ENDING, t
         break
     if not adaptive and end > t and not _rows(engine, plan, progress, record, track):
         return _RUNNING
     _command(taps, now, track, record)
-    status = _finish(engine, plan, progress, record, taps, history, now, reader, track, track.marks[4])
+    status = _finish(engine, plan, progress, record, taps, history, now, reader, track, track.marks[3])
     return ARRIVED if status == _RUNNING else status
 
 
 @exact
 def _change(f):  # type: ignore[no-untyped-def]
-    plan, track, t = f.plan, f.track, f.engine.time[0]
-    while is_due(plan.edges[track.counts[2]], t):
-        track.marks[0] = min(track.marks[0], f.reader.levels[track.counts[2]])
-        track.counts[2] += 1
-        f.engine.phase[0] = plan.phases[track.counts[2]]
-    if of.change(f.taps, f.now, t):
-        track.marks[0] = -1
-    return track.marks[0] < 0
-
-
-@exact
-def _act(f):  # type: ignore[no-untyped-def]
-    acts = of.act(f.taps, f.now, f.engine.time[0])
-    if acts:
-        f.track.marks[0] = -1
-    return acts
-
-
-@exact
-def _tick(f):  # type: ignore[no-untyped-def]
-    return is_due(next_event(f.taps, f.now), f.engine.time[0])
-
-
-@exact
-def _is_eventful(f):  # type: ignore[no-untyped-def]
-    return len(f.taps.cuts) > 1 or f.taps.clock < np.inf
-
-
-@exact
-def _cross(f, moved):  # type: ignore[no-untyped-def]
-    track, t = f.track, f.engine.time[0]
-    switched, crossed = of.cross(f.taps, f.now, t, moved, t >= f.plan.t_end or f.now.met[FALLS] != 0)
-    if switched:
-        track.marks[0] = min(track.marks[0], 0)
-        if track.marks[7]:
-            _row_here(f.engine, f.plan, f.progress, f.record, f.now, track)
-    # without events proper a switch is an event, but only once at an instant
-    return crossed or (switched and not _is_eventful(f) and t > track.t[2])
+    """Pass the edges that are due, and the phase with them."""
+    changed = change(f)
+    f.engine.phase[0] = f.plan.phases[f.now.due[EDGE]]
+    return changed
 
 
 @exact
 def _note(f, event, acted):  # type: ignore[no-untyped-def]
-    track, t = f.track, f.engine.time[0]
-    if event or t >= f.plan.t_end:
+    track, t = f.track, f.time[0]
+    if event or is_over(f) or f.now.met[TURNS] != 0:
         _row_here(f.engine, f.plan, f.progress, f.record, f.now, track)
     if event:
         note_event(f.engine, f.record)
-        track.t[2] = t
         track.rough[track.counts[1]] = t
         track.counts[1] += 1
 
 
-@exact
-def _fire(f):  # type: ignore[no-untyped-def]
-    if _is_eventful(f):  # else it was a switch
-        of.fire(f.taps, f.now, f.engine.time[0])
-        f.track.marks[0] = -1
-
-
-@exact
-def _end(f, event):  # type: ignore[no-untyped-def]
-    if f.now.met[FALLS]:
-        return _FELL
-    return _COMPLETED if f.engine.time[0] >= f.plan.t_end else _RUNNING
-
-
 @cache
-def _marching() -> Any:
+def compile_stretches() -> Any:
     """The compiled march."""
     source = sources() + sources_of_loop()
 
     @entry
     def march(engine, plan, rule, progress, stepper, roots, record, taps, history, now, reader, track, until):  # type: ignore[no-untyped-def]
         progress[0].source = source
-        track.counts[3] = _CELLS
+        track.counts[2] = _CELLS
         flow = Stretches(
-            bare(engine),
-            bare(plan),
-            bare(rule),
-            bare(progress),
-            bare(stepper),
-            bare(roots),
-            bare(record),
-            taps,
-            history,
-            now,
-            reader,
-            track,
-            until,
-        )
-        return run_loop(flow, _travel, _change, _act, _tick, _cross, _note, _fire, _end)
+            bare(engine), bare(plan), bare(rule), bare(progress), bare(stepper), bare(roots), bare(record),
+            taps, history, now, reader, track, until, bare(engine).time, bare(plan).edges, reader.levels, plan.t_end,
+        )  # fmt: skip
+        return run_loop(flow, _travel, _change, act, tick, cross, _note, fire, end)
 
     return march
-
-
-def march(loop: FixedLoop, record: Recording, run: Tapped, until: float) -> int:
-    """Go on until ``until`` [s] at least, a buffer is full, or the run ends: a :class:`Status`.
-
-    Raises:
-        EngineFault, mujoco.FatalError: if MuJoCo gives up.
-    """
-    return int(run_guarded(_marching(), (*loop.parts, record, *run, until), loop.faulty))

@@ -19,13 +19,12 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.base.compilation import compiled, contents, entry, exact
 from icmj.base.roots import SAME, evaluate, first_root, largest
-from icmj.simulation.native import taps as of
 from icmj.simulation.native.loop import (
     ARRIVED,
     EDGE,
+    SIGNAL,
     Status,
     is_due,
-    next_event,
     run_loop,
     sources,
 )
@@ -33,8 +32,15 @@ from icmj.simulation.native.taps import (
     BEFORE,
     FALLS,
     SMOOTH,
+    TURNS,
+    act,
+    change,
+    cross,
     cut,
+    end,
+    fire,
     is_crowded,
+    is_over,
     is_sound,
     is_still,
     leave,
@@ -42,12 +48,13 @@ from icmj.simulation.native.taps import (
     remember,
     room,
     shift,
+    tick,
 )
 from icmj.simulation.native.waves import Waves, add_waves
 from icmj.simulation.taps import History, Now, Taps
 
 _DIVERGED = 1e12
-_RUNNING, _COMPLETED, _FULL = int(Status.RUNNING), int(Status.COMPLETED), int(Status.FULL)
+_RUNNING, _FULL = int(Status.RUNNING), int(Status.FULL)
 _FELL, _GONE, _STALLED = int(Status.FELL), int(Status.DIVERGED), int(Status.STALLED)
 _CELLS = 2000  # stretches before the caller is asked, who may have been interrupted
 
@@ -100,10 +107,8 @@ class Track(NamedTuple):
     """Where a run is, and what it records.
 
     Attributes:
-        t: now, the last event, and the last row [s], shape (3,).
-        level: of what begins now, shape (1,).
-        counts: next edge, next row by number, rows, events, stretches until the caller is asked, and whether the last
-            one had any length; shape (6,).
+        t: now, and the last row [s], shape (2,).
+        counts: next row by number, rows, events, and stretches until the caller is asked; shape (4,).
         X: state on the stretch, shape (n, p + 1).
         y: outputs, and a row to work in, shape (n_y + 1, p + 1).
         room: to work in, shape (2, p + 1).
@@ -113,7 +118,6 @@ class Track(NamedTuple):
     """
 
     t: Array
-    level: np.ndarray
     counts: np.ndarray
     X: Array
     y: Array
@@ -249,43 +253,47 @@ def _extremes(body, now, track, length):  # type: ignore[no-untyped-def]
 @compiled
 def _row(now, track, t, theta):  # type: ignore[no-untyped-def]
     """Record where it is ``theta`` units after the stretch's begin."""
-    n, p, row = len(track.X), track.X.shape[1] - 1, track.rows[track.counts[2]]
+    n, p, row = len(track.X), track.X.shape[1] - 1, track.rows[track.counts[1]]
     row[0] = t
     for i in range(n):
         row[1 + i] = evaluate(track.X[i], p, theta)
     for i in range(len(now.u)):
         row[1 + n + i] = evaluate(now.u[i], p, theta)
     row[1 + n + len(now.u)] = now.mode[0]
-    track.counts[2] += 1
-    track.t[2] = t
+    track.counts[1] += 1
+    track.t[1] = t
 
 
 @compiled
 def _row_here(body, now, track, t):  # type: ignore[no-untyped-def]
     """Record the state at the end of the last stretch, with the command and the mode that led there, if none is yet."""
-    if t <= track.t[2]:
+    if t <= track.t[1]:
         return
-    n, row = len(track.X), track.rows[track.counts[2]]
+    n, row = len(track.X), track.rows[track.counts[1]]
     row[0] = t
     for i in range(n):
         row[1 + i] = track.X[i, 0]
     for i in range(len(now.u)):
         row[1 + n + i] = now.last[i]
     row[1 + n + len(now.u)] = now.mode[BEFORE]
-    track.counts[2] += 1
-    track.t[2] = t
-    if track.counts[1] * body.interval <= t + SAME:
-        track.counts[1] += 1
+    track.counts[1] += 1
+    track.t[1] = t
+    if track.counts[0] * body.interval <= t + SAME:
+        track.counts[0] += 1
 
 
 class Stretches(NamedTuple):
-    """All that the flow works on."""
+    """All that the flow works on, and what the verbs of all stretches take (:mod:`icmj.simulation.native.taps`)."""
 
     taps: Taps
     body: Body
     history: History
     now: Now
     track: Track
+    time: Array
+    edges: Array
+    levels: np.ndarray
+    end: float
 
 
 @exact
@@ -295,8 +303,8 @@ def _travel(f):  # type: ignore[no-untyped-def]
     n, n_y, counts, X, t = len(track.X), len(body.C), track.counts, track.X, track.t[0]
     p = X.shape[1] - 1
     most = int(min(taps.unit / body.interval, 1e9)) + 4  # rows of a stretch
-    counts[4] -= 1
-    if counts[4] < 0 or counts[2] + most > len(track.rows) or counts[3] + 2 >= len(track.events):
+    counts[3] -= 1
+    if counts[3] < 0 or counts[1] + most > len(track.rows) or counts[2] + 2 >= len(track.events):
         return _RUNNING
     if is_crowded(now) or not room(history):
         return _FULL
@@ -304,9 +312,9 @@ def _travel(f):  # type: ignore[no-untyped-def]
         return _STALLED
     if not (_reaches(body.lasting, t, taps.unit) and _reaches(body.wrong, t, taps.unit)):
         return _RUNNING
-    if is_due(min(body.edges[counts[0]], taps.edges[now.due[EDGE]]), t):  # where the run begins
+    if is_due(min(body.edges[now.due[EDGE]], taps.edges[now.due[SIGNAL]]), t):  # where the run begins
         return ARRIVED
-    level, end = open_stretch(taps, history, now, t, min(body.end, body.edges[counts[0]]), track.level[0])
+    level, end = open_stretch(taps, history, now, t, min(body.end, body.edges[now.due[EDGE]]), now.level[0])
     _follow(taps, body, now, track, t, end)
     end, guard = cut(taps, now, t, end)
     length = (end - t) / taps.unit
@@ -318,10 +326,10 @@ def _travel(f):  # type: ignore[no-untyped-def]
         length, guard = fallen, -1
         end = t + length * taps.unit
     _extremes(body, now, track, length)
-    while counts[1] * body.interval < end - SAME:
-        at = counts[1] * body.interval
+    while counts[0] * body.interval < end - SAME:
+        at = counts[0] * body.interval
         _row(now, track, at, (at - t) / taps.unit)
-        counts[1] += 1
+        counts[0] += 1
     if len(taps.tau) > 0:
         rows = history.r[remember(history, t, level)]
         for i in range(n_y):
@@ -337,7 +345,7 @@ def _travel(f):  # type: ignore[no-untyped-def]
     for i in range(n):
         X[i, 0] = evaluate(X[i], p, length)
         size += abs(X[i, 0])
-    track.t[0], track.level[0], counts[5] = end, SMOOTH, length > 0
+    track.t[0], now.level[0] = end, SMOOTH
     if falls:
         _row_here(body, now, track, end)
         return _FELL
@@ -345,62 +353,14 @@ def _travel(f):  # type: ignore[no-untyped-def]
 
 
 @exact
-def _change(f):  # type: ignore[no-untyped-def]
-    body, track, t = f.body, f.track, f.track.t[0]
-    while is_due(body.edges[track.counts[0]], t):
-        track.level[0] = min(track.level[0], body.levels[track.counts[0]])
-        track.counts[0] += 1
-    changed = of.change(f.taps, f.now, t)
-    if changed:
-        track.level[0] = -1
-    return changed or track.level[0] < 0
-
-
-@exact
-def _act(f):  # type: ignore[no-untyped-def]
-    acts = of.act(f.taps, f.now, f.track.t[0])
-    if acts:
-        f.track.level[0] = -1
-    return acts
-
-
-@exact
-def _tick(f):  # type: ignore[no-untyped-def]
-    return is_due(next_event(f.taps, f.now), f.track.t[0])
-
-
-@exact
-def _is_eventful(f):  # type: ignore[no-untyped-def]
-    return len(f.taps.cuts) > 1 or f.taps.clock < np.inf
-
-
-@exact
-def _is_over(f):  # type: ignore[no-untyped-def]
-    return f.track.t[0] >= f.body.end - SAME
-
-
-@exact
-def _cross(f, moved):  # type: ignore[no-untyped-def]
-    now, track = f.now, f.track
-    t = track.t[0]
-    switched, crossed = of.cross(f.taps, now, t, moved, _is_over(f) or now.met[FALLS] != 0)
-    if switched:
-        track.level[0] = min(track.level[0], 0)
-        if track.counts[5]:
-            _row_here(f.body, now, track, t)
-    # without events proper a switch is an event, but only once at an instant
-    return crossed or (switched and not _is_eventful(f) and t > track.t[1])
-
-
-@exact
 def _note(f, event, acted):  # type: ignore[no-untyped-def]
     """Record a row where the run ends; and an event where the last stretch ended, to begin the next interval."""
     body, track, t, n, n_y = f.body, f.track, f.track.t[0], len(f.track.X), len(f.body.C)
-    if event or _is_over(f):
+    if event or is_over(f) or f.now.met[TURNS] != 0:
         _row_here(body, f.now, track, t)
     if not event:
         return
-    row = track.events[track.counts[3]]
+    row = track.events[track.counts[2]]
     row[0] = t
     for i in range(n):
         row[1 + i] = track.X[i, 0]
@@ -410,26 +370,11 @@ def _note(f, event, acted):  # type: ignore[no-untyped-def]
         for k in range(n):
             total += body.C[i, k] * track.X[k, 0]
         track.high[i] = track.low[i] = total
-    track.counts[3] += 1
-    track.t[1] = t
-
-
-@exact
-def _fire(f):  # type: ignore[no-untyped-def]
-    if _is_eventful(f):  # else it was a switch
-        of.fire(f.taps, f.now, f.track.t[0])
-        f.track.level[0] = -1
-
-
-@exact
-def _end(f, event):  # type: ignore[no-untyped-def]
-    if f.now.met[FALLS]:
-        return _FELL
-    return _COMPLETED if _is_over(f) else _RUNNING
+    track.counts[2] += 1
 
 
 @cache
-def marching() -> Any:
+def compile_stretches() -> Any:
     """The compiled ``march(taps, body, history, now, track)``, a while on; a :class:`Status`."""
     source = contents(Path(__file__).parent) + sources()
 
@@ -437,8 +382,8 @@ def marching() -> Any:
     def march(taps, body, history, now, track):  # type: ignore[no-untyped-def]
         if source == 0:
             return _FULL
-        track.counts[4] = _CELLS
-        flow = Stretches(taps, body, history, now, track)
-        return run_loop(flow, _travel, _change, _act, _tick, _cross, _note, _fire, _end)
+        track.counts[3] = _CELLS
+        flow = Stretches(taps, body, history, now, track, track.t, body.edges, body.levels, body.end)
+        return run_loop(flow, _travel, change, act, tick, cross, _note, fire, end)
 
     return march

@@ -30,7 +30,7 @@ from icmj.engine.native.adaptive import (
     stages,
     stepper_of,
 )
-from icmj.engine.native.loop import FixedLoop, active, evaluate, reached
+from icmj.engine.native.fixed_steps import FixedSteps, active, evaluate, reached
 from icmj.engine.native.memory import bare, compiled, entry, exact, merged, run_guarded, sources
 from icmj.engine.native.state import (
     RESTARTED,
@@ -269,7 +269,7 @@ def _fire(f):  # type: ignore[no-untyped-def]
 
 
 @cache
-def adaptive_loop() -> Any:
+def compile_adapted_steps() -> Any:
     """The compiled loop of adapted steps."""
     source = sources() + sources_of_loop()
 
@@ -283,7 +283,7 @@ def adaptive_loop() -> Any:
     return advance
 
 
-class AdaptiveLoop(FixedLoop):
+class AdaptedSteps(FixedSteps):
     """The loop with adaptive step size, which integrates the rates that the engine computes.
 
     A step ends where something is planned: the run's end, an event of the clock, an action, an edge of a disturbance.
@@ -319,4 +319,4 @@ class AdaptiveLoop(FixedLoop):
     def advance(self, record: Recording, steps: int) -> Status:
         """Take up to ``steps`` steps, fewer where the rows of one more might not fit into ``record``."""
         arguments = (*self._run, self._stepper, self._roots, record, steps)
-        return Status(run_guarded(adaptive_loop(), arguments, self._faulty))
+        return Status(run_guarded(compile_adapted_steps(), arguments, self._faulty))

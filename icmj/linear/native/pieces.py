@@ -28,7 +28,14 @@ from icmj.base.roots import DEEPEST, SAME
 from icmj.linear.native.motion import (
     EVENT,
     FALL,
+    FRESH,
     NOTHING,
+    Acting,
+    Count,
+    Now,
+    Run,
+    Tables,
+    Work,
     add,
     at,
     backward,
@@ -47,7 +54,6 @@ from icmj.linear.native.motion import (
     times,
     unfold,
 )
-from icmj.linear.native.state import FRESH, Acting, Count, Now, Run, Tables, Work
 from icmj.simulation.native.loop import (
     ARRIVED,
     EDGE,
@@ -88,7 +94,7 @@ class Pieces(NamedTuple):
     run: Run
     room: tuple[Array, Array, Array, Array]
     work: Work
-    turning: Array
+    turning: np.ndarray
     series: Array
     scratch: Array
     most: int
@@ -357,7 +363,7 @@ def _end(f, event):  # type: ignore[no-untyped-def]
 
 
 @cache
-def simulator() -> Any:
+def compile_pieces() -> Any:
     """The compiled ``simulate(tables, acting, run, most_events)``, which changes ``run`` and returns a Status."""
     source = contents(Path(__file__).parent) + sources()
 
