@@ -210,7 +210,7 @@ class Adapted(NamedTuple):
     record: Recording
 
 
-@exact
+@merged
 def _travel(f):  # type: ignore[no-untyped-def]
     """One step, or the part of it until an event."""
     engine, plan, rule, stepper, progress, recorded = f.engine, f.plan, f.rule, f.stepper, f.progress, f.record
@@ -268,6 +268,11 @@ def _fire(f):  # type: ignore[no-untyped-def]
         f.stepper.reach[i] = 0.0
 
 
+@compiled
+def _run(flow):  # type: ignore[no-untyped-def]
+    return run_loop(flow, _travel, change, act, tick, _cross, note_step, _fire, end)
+
+
 @cache
 def compile_adapted_steps() -> Any:
     """The compiled loop of adapted steps."""
@@ -278,7 +283,7 @@ def compile_adapted_steps() -> Any:
         progress[0].source = source
         progress[0].left = steps
         flow = Adapted(bare(engine), bare(plan), bare(rule), bare(stepper), bare(roots), bare(progress), bare(record))
-        return run_loop(flow, _travel, change, act, tick, _cross, note_step, _fire, end)
+        return _run(flow)
 
     return advance
 

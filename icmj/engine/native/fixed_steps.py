@@ -385,7 +385,7 @@ class Fixed(NamedTuple):
     record: Recording
 
 
-@exact
+@merged
 def _travel(f):  # type: ignore[no-untyped-def]
     """One step, or the part of it until an event."""
     engine, plan, rule, progress = f.engine, f.plan, f.rule, f.progress
@@ -449,6 +449,11 @@ def _cross(f, moved):  # type: ignore[no-untyped-def]
     return fired
 
 
+@compiled
+def _run(flow):  # type: ignore[no-untyped-def]
+    return run_loop(flow, _travel, change, act, tick, _cross, note_step, fire, end)
+
+
 @cache
 def compile_fixed_steps() -> Any:
     """The compiled loop of fixed steps."""
@@ -459,7 +464,7 @@ def compile_fixed_steps() -> Any:
         progress[0].source = source
         progress[0].left = steps
         flow = Fixed(bare(engine), bare(plan), bare(rule), bare(progress), bare(record))
-        return run_loop(flow, _travel, change, act, tick, _cross, note_step, fire, end)
+        return _run(flow)
 
     return advance
 

@@ -35,7 +35,7 @@ from icmj.engine.native.adapted_steps import _fly
 from icmj.engine.native.adaptive import get, pass_at, put
 from icmj.engine.native.field import flow, forward
 from icmj.engine.native.fixed_steps import save, step
-from icmj.engine.native.memory import address, bare, compiled, engine_function, entry, exact, sources
+from icmj.engine.native.memory import address, bare, compiled, engine_function, entry, exact, merged, sources
 from icmj.engine.native.state import Engine, Plan, Rule, note, note_event, note_row, standing
 from icmj.engine.schedule import Recording, row_after
 from icmj.simulation.native.loop import (
@@ -469,7 +469,7 @@ class Stretches(NamedTuple):
     end: float
 
 
-@exact
+@merged
 def _travel(f):  # type: ignore[no-untyped-def]
     """One stretch, or as much of it as there is room for."""
     engine, plan, progress, stepper, record = f.engine, f.plan, f.progress, f.stepper, f.record
@@ -576,6 +576,11 @@ def _note(f, event, acted):  # type: ignore[no-untyped-def]
         track.counts[1] += 1
 
 
+@compiled
+def _run(flow):  # type: ignore[no-untyped-def]
+    return run_loop(flow, _travel, _change, act, tick, cross, _note, fire, end)
+
+
 @cache
 def compile_stretches() -> Any:
     """The compiled march."""
@@ -589,6 +594,6 @@ def compile_stretches() -> Any:
             bare(engine), bare(plan), bare(rule), bare(progress), bare(stepper), bare(roots), bare(record),
             taps, history, now, reader, track, until, bare(engine).time, bare(plan).edges, reader.levels, plan.t_end,
         )  # fmt: skip
-        return run_loop(flow, _travel, _change, act, tick, cross, _note, fire, end)
+        return _run(flow)
 
     return march

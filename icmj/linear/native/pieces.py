@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.compilation import contents, entry, inlined
+from icmj.base.compilation import compiled, contents, entry, inlined, merged
 from icmj.base.roots import DEEPEST, SAME
 from icmj.linear.native.motion import (
     EVENT,
@@ -266,7 +266,7 @@ def _apply(jump, run, scratch):  # type: ignore[no-untyped-def]
     run.counts[Count.AGE] = FRESH
 
 
-@inlined
+@merged
 def _travel(f):  # type: ignore[no-untyped-def]
     """To the end of the piece under way, or of the next one."""
     T, run = f.T, f.run
@@ -362,6 +362,11 @@ def _end(f, event):  # type: ignore[no-untyped-def]
     return _COMPLETED if f.run.now[Now.TIME] >= f.T.end else _RUNNING
 
 
+@compiled
+def _run(flow):  # type: ignore[no-untyped-def]
+    return run_loop(flow, _travel, _change, _act, _tick, _cross, _note, _fire, _end)
+
+
 @cache
 def compile_pieces() -> Any:
     """The compiled ``simulate(tables, acting, run, most_events)``, which changes ``run`` and returns a Status."""
@@ -379,6 +384,6 @@ def compile_pieces() -> Any:
         series = np.empty((terms, tables.M.shape[1]))
         run.counts[Count.LEFT] = _PATIENCE
         flow = Pieces(tables, acting, run, room, work, turning, series, scratch, most_events)
-        return run_loop(flow, _travel, _change, _act, _tick, _cross, _note, _fire, _end)
+        return _run(flow)
 
     return simulate

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.compilation import compiled, contents, entry, exact
+from icmj.base.compilation import compiled, contents, entry, merged
 from icmj.base.roots import SAME, evaluate, first_root, largest
 from icmj.simulation.native.loop import (
     ARRIVED,
@@ -296,7 +296,7 @@ class Stretches(NamedTuple):
     end: float
 
 
-@exact
+@merged
 def _travel(f):  # type: ignore[no-untyped-def]
     """One stretch."""
     taps, body, history, now, track = f.taps, f.body, f.history, f.now, f.track
@@ -352,7 +352,7 @@ def _travel(f):  # type: ignore[no-untyped-def]
     return ARRIVED if size <= _DIVERGED and is_sound(now) else _GONE
 
 
-@exact
+@merged
 def _note(f, event, acted):  # type: ignore[no-untyped-def]
     """Record a row where the run ends; and an event where the last stretch ended, to begin the next interval."""
     body, track, t, n, n_y = f.body, f.track, f.track.t[0], len(f.track.X), len(f.body.C)
@@ -373,6 +373,11 @@ def _note(f, event, acted):  # type: ignore[no-untyped-def]
     track.counts[2] += 1
 
 
+@compiled
+def _run(flow):  # type: ignore[no-untyped-def]
+    return run_loop(flow, _travel, change, act, tick, cross, _note, fire, end)
+
+
 @cache
 def compile_stretches() -> Any:
     """The compiled ``march(taps, body, history, now, track)``, a while on; a :class:`Status`."""
@@ -384,6 +389,6 @@ def compile_stretches() -> Any:
             return _FULL
         track.counts[3] = _CELLS
         flow = Stretches(taps, body, history, now, track, track.t, body.edges, body.levels, body.end)
-        return run_loop(flow, _travel, change, act, tick, cross, _note, fire, end)
+        return _run(flow)
 
     return march

@@ -22,7 +22,7 @@ from math import comb
 
 import numpy as np
 
-from icmj.base.compilation import compiled, exact
+from icmj.base.compilation import compiled, merged
 from icmj.base.roots import SAME, evaluate, first_root
 from icmj.simulation.native.loop import (
     ACTED,
@@ -440,7 +440,7 @@ def remember(history, t, level):  # type: ignore[no-untyped-def]
 # ``time`` (whose first is now), ``edges`` and ``levels`` of what acts, and the ``end`` of the run
 
 
-@exact
+@merged
 def change(f):  # type: ignore[no-untyped-def]
     """Pass the edges that are due, and those of signals, which may move the controller's state."""
     taps, now, t = f.taps, f.now, f.time[0]
@@ -460,7 +460,7 @@ def change(f):  # type: ignore[no-untyped-def]
     return now.level[0] < 0
 
 
-@exact
+@merged
 def act(f):  # type: ignore[no-untyped-def]
     """Carry out actions and resets of the period that are due."""
     taps, now, t, acts = f.taps, f.now, f.time[0], False
@@ -476,13 +476,13 @@ def act(f):  # type: ignore[no-untyped-def]
     return acts
 
 
-@exact
+@merged
 def tick(f):  # type: ignore[no-untyped-def]
     """Whether the clock ticks, or the sample is taken."""
     return is_due(next_event(f.taps, f.now), f.time[0])
 
 
-@exact
+@merged
 def cross(f, moved):  # type: ignore[no-untyped-def]
     """What the guard or face does that has been reached; whether it is an event.
 
@@ -512,7 +512,7 @@ def cross(f, moved):  # type: ignore[no-untyped-def]
     return not is_eventful(taps) and t > now.when[LAST]
 
 
-@exact
+@merged
 def fire(f):  # type: ignore[no-untyped-def]
     """An event: the state's jump, the mode that follows, and what is planned after it."""
     taps, now, t = f.taps, f.now, f.time[0]
@@ -525,7 +525,7 @@ def fire(f):  # type: ignore[no-untyped-def]
         now.level[0] = -1
 
 
-@exact
+@merged
 def end(f, event):  # type: ignore[no-untyped-def]
     """Whether the run ends, and how."""
     if f.now.met[FALLS] != 0:
@@ -533,7 +533,7 @@ def end(f, event):  # type: ignore[no-untyped-def]
     return _COMPLETED if is_over(f) else _RUNNING
 
 
-@exact
+@merged
 def is_over(f):  # type: ignore[no-untyped-def]
     """Whether this is the run's last instant."""
     return is_due(f.end, f.time[0])
