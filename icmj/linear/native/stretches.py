@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.compilation import compiled, contents, entry, merged
+from icmj.base.compilation import compiled, contents, entry, exact, merged
 from icmj.base.roots import SAME, evaluate, first_root, largest
 from icmj.simulation.native.loop import (
     ARRIVED,
@@ -152,7 +152,7 @@ def _reaches(grid, t, unit):  # type: ignore[no-untyped-def]
     return len(grid.effect) == 0 or 0 <= np.floor(t / unit) - grid.first < len(grid.f)
 
 
-@compiled
+@exact
 def _follow(taps, body, now, track, t, end):  # type: ignore[no-untyped-def]
     """The Taylor series of plant, controller, command and current outputs, from the states at the stretch's begin.
 
@@ -236,7 +236,7 @@ def _fallen(body, now, track, length):  # type: ignore[no-untyped-def]
     return first * length
 
 
-@compiled
+@exact
 def _extremes(body, now, track, length):  # type: ignore[no-untyped-def]
     p = track.X.shape[1] - 1
     for i in range(len(body.C)):
