@@ -159,12 +159,14 @@ def test_there_is_one_event_loop() -> None:
                 node.func.id for node in ast.walk(function) if isinstance(node, ast.Call) and hasattr(node.func, "id")
             ]
             name, called = function.name.removeprefix("_"), {each.removeprefix("_") for each in calls}
+            if "run_loop" in calls:
+                assert name == "run", f"{name_of(path)}: {function.name} runs the loop"
             if called & verbs - {name}:
                 loops.add(function.name)
             for helper in homes.keys() & called:
                 assert name in homes[helper] | {"next_instant"}, f"{name_of(path)} calls {helper} in {function.name}"
             if any(getattr(decorator, "id", "") == "entry" for decorator in function.decorator_list):
-                entries[f"{path.parts[-3]}.{path.stem}"] = "run_loop" in calls
+                entries[f"{path.parts[-3]}.{path.stem}"] = bool({"run_loop", "_run"} & set(calls))
     assert loops == {"run_loop"}
     assert {name for name, through in entries.items() if through} == {
         "linear.pieces", "linear.stretches", "engine.fixed_steps", "engine.adapted_steps", "engine.stretches",
