@@ -104,7 +104,7 @@ def test_the_page_has_commands_and_what_they_show(root):
 
 def test_commands_of_the_readme_s_tiles_name_what_is_there(root):
     """They named files that a clone does not have; a file that one command writes serves the next."""
-    from icmj.cli.parsing import parse
+    from icmj.cli.main import parse
 
     page = (root / "README.md").read_text(encoding="utf-8")
     tiles = re.findall(r"<code>((?:icmj|python) [^<]*)</code>", page.split("## Two commands")[0])

@@ -64,7 +64,7 @@ def test_arrow_does_not_load_pandas_and_others_still_can() -> None:
 
 def test_reading_the_command_line_asks_typeguard_nothing_and_leaves_it_to_others() -> None:
     code = (
-        "import sys; from icmj.cli.parsing import parse; command = parse(['run', 'a.toml', '--set', 'actual.gain=1'])\n"
+        "import sys; from icmj.cli.main import parse; command = parse(['run', 'a.toml', '--set', 'actual.gain=1'])\n"
         "print(*command.set, 'typeguard' in sys.modules); import typeguard; print(typeguard.check_type(1, int))"
     )
     assert told(code) == ["actual.gain=1", "False", "1"]

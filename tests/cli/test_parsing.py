@@ -6,8 +6,7 @@ import sys
 import pytest
 
 from icmj.cli.arguments import GROUPS
-from icmj.cli.main import main
-from icmj.cli.parsing import parse
+from icmj.cli.main import main, parse
 from icmj.errors import IcmjError
 
 
@@ -70,7 +69,7 @@ def test_version_is_the_package_s(capsys):
 
 
 def test_the_overview_names_every_command_once_in_a_group(capsys):
-    from icmj.cli.parsing import _classes
+    from icmj.cli.main import _classes
 
     assert main([]) == 0
     shown = capsys.readouterr().out
