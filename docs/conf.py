@@ -15,7 +15,7 @@ sys.path[:0] = [str(HERE.parent), str(HERE / "_ext")]
 
 from figure_style import apply_style  # noqa: E402
 
-from icmj.base.version import VERSION  # noqa: E402
+from icmj.base import VERSION  # noqa: E402
 
 project, author, release = "icmj", "The icmj developers", VERSION
 project_copyright = author

@@ -22,7 +22,7 @@ What people meet first is here; the rest is in the rooms, such as :mod:`icmj.the
 
 import lazy_loader
 
-from icmj.base.version import VERSION as __version__  # noqa: F401
+from icmj.base import VERSION as __version__  # noqa: F401
 
 _load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 

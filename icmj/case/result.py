@@ -28,9 +28,9 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
+from icmj.base import VERSION
 from icmj.base.array import Array, between
 from icmj.base.numbers import Card, WithCard
-from icmj.base.version import VERSION
 from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.measurement.measurement import Measurement, measure, reduced_states
 from icmj.measurement.statistics import Statistics

@@ -96,7 +96,7 @@ def entry() -> None:
 def _obey(arguments: list[str]) -> int:
     try:
         if arguments[:1] == ["--version"]:
-            from icmj.base.version import VERSION
+            from icmj.base import VERSION
 
             print(f"icmj {VERSION}", flush=True)
             return 0

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from icmj.base import VERSION
 from icmj.base.files import scratch, write_bytes
 from icmj.base.text import one_line
-from icmj.base.version import VERSION
 from icmj.case.result import Result, SweepTable, has_prediction
 from icmj.errors import ReportError
 from icmj.report import sections, style

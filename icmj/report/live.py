@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from icmj.base import VERSION
 from icmj.base.files import write_text
 from icmj.base.process import limit_to_one_thread
 from icmj.base.text import one_line
-from icmj.base.version import VERSION
 from icmj.case.case import Case, has_prediction
 from icmj.case.plants import AnyPlant
 from icmj.case.result import quantities

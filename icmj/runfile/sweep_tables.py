@@ -21,7 +21,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, StringConstraints, ValidationError, model_validator
 
-from icmj.base.version import VERSION
+from icmj.base import VERSION
 from icmj.errors import RunFileError
 from icmj.plant.body import What
 from icmj.runfile.experiment_tables import ExperimentFile

@@ -14,12 +14,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from icmj.base import VERSION
 from icmj.base.array import Array
 from icmj.base.files import whole, write_bytes, write_text
 from icmj.base.numbers import MISSING, plain, readable
 from icmj.base.numbers import count as many
 from icmj.base.numbers import number as number_of
-from icmj.base.version import VERSION
 from icmj.case.result import in_unit
 from icmj.errors import FitError
 from icmj.experiments.quiet_standing import YOUNG_PEOPLE

@@ -30,9 +30,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
+from icmj.base import VERSION
 from icmj.base.files import LOCK, clear_leftovers, lock, open_file, read_bytes, ready, regular, whole
 from icmj.base.text import one_line, parse_json
-from icmj.base.version import VERSION
 from icmj.errors import IcmjError
 
 PACKAGES = ("mujoco", "numpy", "scipy", "control", "numba", "rerun-sdk")
