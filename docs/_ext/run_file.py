@@ -16,9 +16,10 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 from sphinx.application import Sphinx
-from sphinx.pycode import ModuleAnalyzer
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
+
+from icmj.runfile.sweep_tables import docstrings
 
 LOGGER = logging.getLogger(__name__)
 KINDS = {float: "number", int: "whole number", str: "text", bool: "`true` or `false`"}
@@ -85,14 +86,10 @@ def _default(field: FieldInfo) -> str:
 
 
 def _meaning(model: type[BaseModel], key: str) -> str:
-    """The docstring under the key, where it is declared."""
-    for home in model.__mro__:
-        if home.__module__.startswith("icmj."):
-            found = ModuleAnalyzer.for_module(home.__module__).find_attr_docs().get((home.__name__, key))
-            if found:
-                return " ".join(line.strip() for line in found if line.strip())
-    LOGGER.warning("%s.%s: the key has no docstring that says what it means", model.__name__, key)
-    return ""
+    """What the docstring under the key says of it, or that of the setting that has it."""
+    if (found := docstrings(model).get(key)) is None:
+        LOGGER.warning("%s.%s: the key has no docstring that says what it means", model.__name__, key)
+    return found or ""
 
 
 def _type(annotation: Any) -> str:

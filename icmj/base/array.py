@@ -1,6 +1,6 @@
 """Arrays of real numbers: their type, polynomials on them, and arrays and tables from untrusted files.
 
-The type of every array of real numbers, and the conversion of arguments to it.
+The type of every array of real numbers, and the conversion of arguments to it; numbers with the bounds of files.
 
 Polynomials on [0, 1] in Bernstein form: the matrices that lead to it and halve it.
 
@@ -28,9 +28,10 @@ from functools import lru_cache
 from math import comb
 from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.typing import ArrayLike, NDArray
 
 from icmj.base.files import open_file
@@ -41,6 +42,14 @@ if TYPE_CHECKING:
     import pyarrow.parquet as pq
 
 Array = NDArray[np.float64]
+
+# what a file may say: far beyond anything physical, and near enough to 1 for squares and products to be numbers
+SMALLEST, LARGEST = 1e-15, 1e12
+Positive = Annotated[float, Ge(SMALLEST), Le(LARGEST)]
+NonNegative = Annotated[float, Ge(0), Le(LARGEST)]
+Finite = Annotated[float, Ge(-LARGEST), Le(LARGEST)]
+MOST_ENTRIES = 200  # of a list: more states, inputs or thresholds than can be computed with
+Seed = Annotated[int, Ge(0), Le(2**63 - 1)]
 
 SAME = 1e-9
 """How far numbers may be apart, relative to them, and count as equal: rounding, with room for other processors."""

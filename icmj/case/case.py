@@ -39,8 +39,8 @@ from icmj.engine.reaction import with_pressure
 from icmj.errors import DesignError, IcmjError, RunFileError, SimulationError, expect, prefix_errors
 from icmj.plant.linear_plant import LinearPlant, Match, expect_linear, match_ports
 from icmj.plant.quality import Notice, permit
+from icmj.runfile.control_tables import SetpointTable
 from icmj.runfile.schema import RunFile
-from icmj.runfile.setpoint_tables import SetpointTable
 from icmj.simulation.disturbance import expect_held, expected, realised
 from icmj.simulation.ending import OpenLoop
 from icmj.simulation.settings import Noise, Settings
@@ -150,14 +150,14 @@ def reach(actual: AnyPlant, prediction: Prediction) -> Iterator[Notice]:
 
 def check_names(run: RunFile, assumed: LinearPlant, plant: AnyPlant) -> None:
     """Names in the run file are checked before anything is computed from them."""
-    settings, actual = run.simulation, plant.linearisation.plant
+    settings, actual = run.simulation.settings(), plant.linearisation.plant
     bodies = plant.bodies if isinstance(plant, MujocoPlant) else ()
     wanted = [("simulation.initial", name, actual.states) for name in settings.initial]
     wanted += [("simulation.observer", name, assumed.states) for name in settings.observer]
     if isinstance(settings.limit, dict):
         wanted += [("simulation.limit", name, actual.states) for name in settings.limit]
     for which, there in (("input", actual.inputs), ("output", actual.outputs), ("body", bodies)):
-        named = (getattr(source, which, None) for source in settings.disturbance)
+        named = (getattr(source, which, None) for source in run.simulation.disturbance)
         wanted += [("simulation.disturbance", name, there) for name in named if name is not None]
     for key, name, known in wanted:
         if name not in known:

@@ -24,8 +24,8 @@ from icmj.plant.body import OperatingKind, OperatingRule, Selection
 from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.experiment_tables import KINDS as STIMULI
 from icmj.runfile.reading import parse_run
+from icmj.runfile.run_tables import NoiseTable
 from icmj.runfile.schema import RunFile, key_text, value_text
-from icmj.runfile.source_tables import NoiseTable
 from icmj.runfile.sweep_tables import KINDS, docstrings
 from icmj.runfile.table import TomlTable
 from icmj.work.own_code import SHIPPED

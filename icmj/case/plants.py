@@ -40,11 +40,10 @@ from icmj.errors import AnalysisError, DesignError, IcmjError, RunFileError, exp
 from icmj.plant.body import Activation, Selection
 from icmj.plant.linear_plant import LinearPlant, Match, deviate, expect_linear, match_ports, refuse_unusual
 from icmj.plant.quality import MatrixPlant, uncontrollable
-from icmj.runfile.control_tables import Parts, Weights
+from icmj.runfile.control_tables import Parts, Weights, find_files, targets
 from icmj.runfile.plant_tables import LETTERS, PlantTable
+from icmj.runfile.run_tables import FileTable
 from icmj.runfile.schema import RunFile
-from icmj.runfile.setpoint_tables import find_files, targets
-from icmj.runfile.source_tables import FileTable
 from icmj.simulation.settings import Settings
 from icmj.work.folder import digest_of
 from icmj.work.own_code import REFERENCE
@@ -337,9 +336,8 @@ def linear_plant(actual: AnyPlant, settings: Settings) -> LinearPlant:
 def deviation_of(run: RunFile) -> Deviation:
     """The deviation of the controller's model from the plant that the run file states."""
     table = run.actual
-    changes = tuple(entry.change() for entry in table.change)
     edit = None if table.edit is None else partial(run.code.find(table.edit), **table.edit_parameters)
-    return Deviation(table.gain, table.dynprm, table.rho, changes, edit)
+    return Deviation(table.gain, table.dynprm, table.rho, table.changes, edit)
 
 
 def keyframe_of(run: RunFile) -> str | None:

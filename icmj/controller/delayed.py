@@ -54,18 +54,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import Len
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array
+from icmj.base.array import MOST_ENTRIES, Array, Finite, NonNegative, Positive
 from icmj.controller.controller import Law
 from icmj.controller.design import GROWTH, SAME, Delay, Design
 from icmj.controller.realisation import Guard, Layout, Mode, Realisation
 from icmj.controller.setpoint import Setpoint
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, expect_linear
+
+Combination = str | Annotated[Mapping[str, Finite], Len(1, MOST_ENTRIES)]
+"""The name of an output, or the weights of several outputs by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,14 +185,17 @@ class DelayedPID(Law):
 
     Attributes:
         assumed: the plant, whose inputs and outputs are used by name.
-        position, rate: names of the outputs θ and θ'.
-        P, I, D: gains K_P [input per position], K_I [input per position and second], K_D [input per rate].
+        position: output θ that is fed back.
+        rate: output θ' that is fed back.
+        P: gain K_P of the position [input per output].
+        D: gain K_D of the rate [input per output].
         delay: t_d [s].
-        weight: w, the sensory weight.
-        input: name of the input; may be left out if the plant has only one input.
-        force: name of the output T that force feedback reads with the delay; if "", the command itself.
-        force_gain: G [position per unit of T]; 0 without force feedback.
-        force_time: τ [s].
+        I: gain K_I of the integral [input per output and second].
+        weight: sensory weight w of position and rate.
+        input: input that is commanded; may be left out if the plant has only one input.
+        force: output T that the force feedback G/(τs + 1) reads with the delay; by default the command itself.
+        force_gain: gain G of the force feedback [position per unit of T]. With 0 there is no force feedback.
+        force_time: time constant τ of the force feedback [s].
 
     Raises:
         AnalysisError: on construction, if an input or output does not exist, a number is not finite, the delay or the
@@ -198,15 +205,15 @@ class DelayedPID(Law):
     assumed: LinearPlant
     position: str
     rate: str
-    P: float
-    D: float
+    P: Finite
+    D: Finite
     delay: float
-    I: float = 0.0
-    weight: float = 1.0
+    I: Finite = 0.0
+    weight: Finite = 1.0
     input: str = ""
     force: str = ""
-    force_gain: float = 0.0
-    force_time: float = 1.0
+    force_gain: Finite = 0.0
+    force_time: Positive = 1.0
 
     def __post_init__(self) -> None:
         expect_linear(self.assumed, "the assumed plant")
@@ -301,13 +308,15 @@ class SwitchingPD(Law):
 
     Attributes:
         assumed: the plant, whose inputs and outputs are used by name.
-        position, rate: names of the outputs θ and θ'.
-        P, D: gains of each input [input per position, input per rate], shape (n_u,), or one number for all.
+        position: output θ that is fed back.
+        rate: output θ' that is fed back.
+        P: gain of the position: one number for all inputs, or one for each input, shape (n_u,) [input per output].
+        D: gain of the rate: one number for all inputs, or one for each input, shape (n_u,) [input per output].
         delay: t_d [s].
-        slope: slope a of the line that bounds the region where feedback is off [1/s]; negative, so that feedback is off
-            in the second and fourth quadrants except for a wedge.
-        dead_zone: r, size of (θ, θ') within which feedback is off.
-        switches: whether feedback is switched; if not, it is always on.
+        slope: slope a of the line θ' = aθ that, together with θ = 0, bounds the region where feedback is off [1/s]. If
+            it is negative, feedback is off in the second and fourth quadrants except for a wedge.
+        dead_zone: size r of (θ, θ') within which feedback is off.
+        switches: whether feedback is switched; if not, this is the continuous delayed controller.
 
     Raises:
         AnalysisError: on construction, if an output does not exist, a number is not finite, the delay is not positive,
@@ -320,8 +329,8 @@ class SwitchingPD(Law):
     P: ArrayLike
     D: ArrayLike
     delay: float
-    slope: float = 0.0
-    dead_zone: float = 0.0
+    slope: Finite = 0.0
+    dead_zone: NonNegative = 0.0
     switches: bool = True
 
     def __post_init__(self) -> None:
@@ -392,24 +401,26 @@ class Channel:
     """The feedback of one joint or of the virtual pendulum.
 
     Attributes:
-        position, rate: θ and θ': the name of an output, or the weights of several outputs by name.
-        P, D: gains [input per position, input per rate].
-        input: name of the input; may be left out if the plant has only one input.
-        slope: slope a of the line that bounds the region where feedback is off [1/s].
-        dead_zone: r, size of (θ, θ') within which feedback is off.
+        position: position that is fed back: an output θ, or weights of several outputs, ``{ ankle = 0.6, hip = 0.3 }``.
+        rate: rate that is fed back: an output θ', or weights of several outputs by name.
+        P: gain of the position [input per output].
+        D: gain of the rate [input per output].
+        input: input that is commanded; may be left out if the plant has only one input.
+        slope: slope a of the line θ' = aθ that, together with θ = 0, bounds the region where feedback is off [1/s].
+        dead_zone: size r of (θ, θ') within which feedback is off.
         switches: whether feedback is switched; if not, it is always on.
 
     Raises:
         AnalysisError: on construction, if a number is not finite, or the dead zone negative.
     """
 
-    position: str | Mapping[str, float]
-    rate: str | Mapping[str, float]
-    P: float
-    D: float
+    position: Combination
+    rate: Combination
+    P: Finite
+    D: Finite
     input: str = ""
-    slope: float = 0.0
-    dead_zone: float = 0.0
+    slope: Finite = 0.0
+    dead_zone: NonNegative = 0.0
     switches: bool = True
 
     def __post_init__(self) -> None:

@@ -96,7 +96,7 @@ class Parameter:
         """
         if not self.keys:
             what, _, of = self.name.partition(":")
-            for entry in run.actual.change:
+            for entry in run.actual.changes:
                 if entry.what == what and (entry.of or "") == of and entry.factor is not None:
                     return float(entry.factor)
             return 1.0
@@ -191,7 +191,7 @@ class Family:
         before, after = actual.gain, run.actual.gain
         same = assumed == run.assumed and actual == run.actual.model_copy(update={"delay": None, "gain": before})
         plain = isinstance(before, float) and isinstance(after, float) and before != 0 and run.actual.rho == 1.0
-        gains = any(entry.what == "input_gain" for entry in run.actual.change)
+        gains = any(entry.what == "input_gain" for entry in run.actual.changes)
         if not (same and plain and not gains and isinstance(plant, MujocoPlant)):
             return None
         here, factor = plant.linearisation, after / before

@@ -229,7 +229,7 @@ def _simulate(
         if observed.whole:
             case = unknown.case(value, None, **{"simulation.duration": observed.duration + found.interval / 2})
             return () if case is None else (simulate(case, plant),)
-        step = min(unknown.run.simulation.record_interval, found.interval / 200)
+        step = min(unknown.run.simulation.settings().record_interval, found.interval / 200)
         changes: dict[str, Any] = {"simulation.disturbance": [], "simulation.record_interval": step}
         case = unknown.case(value, None, **changes)
         if case is None or case.prediction.orbit is None:

@@ -372,8 +372,9 @@ class Unknown:
         if self.change is None:
             return self.run.with_(**{self.field: float(value)}, **changes)
         same = (self.change.what, self.change.of)
-        tables = [table for table in self.run.actual.change if (table.what, table.of) != same]
-        kept = [table.model_dump(exclude_none=True) for table in tables]
+        actual = self.run.actual
+        tables = zip(actual.change, actual.changes, strict=True)
+        kept = [table.model_dump(exclude_none=True) for table, of in tables if (of.what, of.of) != same]
         of = {} if self.change.of is None else {"of": self.change.of}
         deviation = {"what": self.change.what, **of, "factor": float(value)}
         return self.run.with_(**{"actual.change": [*kept, deviation]}, **changes)

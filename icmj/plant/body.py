@@ -22,7 +22,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, Finite, NonNegative, Positive
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
 
@@ -43,10 +43,10 @@ class Segment:
         ModelError: on construction, if one of them is not positive.
     """
 
-    mass: float
-    length: float
-    com: float
-    gyration: float
+    mass: Positive
+    length: Positive
+    com: Positive
+    gyration: Positive
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -74,18 +74,18 @@ class Person:
     Attributes:
         height: body height [m].
         mass: body mass [kg].
-        stiffness: passive stiffness of ankle, knee and hip, as fractions of the toppling stiffness.
-        damping: passive damping of every joint, divided by the toppling stiffness [s].
+        stiffness: passive stiffness of ankle, knee and hip, as shares of the toppling stiffness.
+        damping: passive damping of every joint, divided by its toppling stiffness [s].
         segments: replacements for Winter's segments, by name (shank, thigh, trunk, foot).
 
     Raises:
         ModelError: on construction, if height or mass is not positive, a fraction is negative, or a segment is unknown.
     """
 
-    height: float = 1.80
-    mass: float = 80.0
-    stiffness: tuple[float, float, float] = (0.0, 0.8, 0.8)
-    damping: float = 0.005
+    height: Positive = 1.80
+    mass: Positive = 80.0
+    stiffness: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.8, 0.8)
+    damping: NonNegative = 0.005
     segments: Mapping[str, Segment] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -226,10 +226,10 @@ class Change:
     approached linearly (the family A = Â − ρÃ₁ of the paper, in the parameters of the model).
 
     Attributes:
-        what: the property.
-        of: name of the element; all elements that have the property if ``None``.
+        what: property to change.
+        of: name of the element whose property changes (default: all elements that have the property).
         factor: factor on the property; give either ``factor`` or ``value``.
-        value: value that replaces that of the property.
+        value: new value of the property [unit of the property].
 
     Raises:
         ModelError: on construction, if ``what`` is not known, or not exactly one of factor and value is given.
@@ -237,8 +237,8 @@ class Change:
 
     what: What
     of: str | None = None
-    factor: float | None = None
-    value: float | Sequence[float] | None = None
+    factor: Finite | None = None
+    value: Finite | Sequence[Finite] | None = None
 
     def __post_init__(self) -> None:
         if self.what not in get_args(What):
@@ -263,7 +263,7 @@ class Change:
         return new.reshape(old.shape)
 
 
-Each = float | Mapping[str, float]
+Each = Positive | Mapping[str, Positive]
 """A number for all inputs, or one for each input that it names."""
 
 Lag = tuple[float] | tuple[float, float]
@@ -279,11 +279,12 @@ class Activation:
     that of the command.
 
     Attributes:
-        order: 1 or 2; 0 is no lag.
-        time_constant: τ [s]; for the second order, 1/ω₀. This and the following are one number for all inputs, or one
-            number for each input by name; inputs that are not named have no lag.
-        frequency: ω₀ of the second order [rad/s], instead of a time constant.
-        damping_ratio: ζ of the second order; if ``None``, 1, which is critical damping.
+        order: order of the lag: 1 is ``1/(τs + 1)``, 2 is ``ω₀²/(s² + 2ζω₀s + ω₀²)``; 0 is none where the assumed plant
+            has one.
+        time_constant: time constant τ [s]. For the second order it is 1/ω₀. This and the following are one number for
+            all inputs, or one number for each input by name; inputs that are not named have no lag.
+        frequency: natural frequency ω₀ of the second order, instead of a time constant [rad/s].
+        damping_ratio: damping ratio ζ of the second order (default: 1, critically damped).
 
     Raises:
         ModelError: on construction, if the keys do not define a lag of this order, or a number is not positive.

@@ -333,7 +333,7 @@ def _list_parameters(case: CaseRuns) -> list[tuple[str, str]]:
     result = case.first
     run, settings = result.run, result.run.simulation.settings()
     gain = run.actual.gain if isinstance(run.actual.gain, list) else [run.actual.gain]
-    changes = [f"{change.what} {change.of or ''}".strip() for change in run.actual.change]
+    changes = [f"{change.what} {change.of or ''}".strip() for change in run.actual.changes]
     delay = run.assumed.delay or 0.0
     rule = result.controller.trigger.facts()
     weights = ((name, getattr(run.design, name, None)) for name in ("R_c", "R_o"))

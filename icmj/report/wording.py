@@ -352,7 +352,7 @@ def settings(cases: Sequence[CaseRuns]) -> Section:
                 "rule": [rule_fact(rule.get(key), controller.design) for key in keys],
                 "hold": controller.hold.name,
                 "duration": numbers.short(run.simulation.duration),
-                "initial": numbers.setting(run.simulation.initial),
+                "initial": numbers.setting(run.simulation.settings().initial),
                 "weights": ", ".join(
                     f"{weight} = {numbers.setting(getattr(run.design, weight))}"
                     if getattr(run.design, gain) is None

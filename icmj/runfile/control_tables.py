@@ -1,39 +1,55 @@
-"""The tables of the controller: weights of its design, hold and event rule, and how far the analysis searches.
+"""The tables of the controller: weights of its design, hold and event rule, set-point, and range of the analysis.
 
 The tables of controllers that are not intermittent; ``[controller] kind`` selects one.
+
+The tables of a set-point r(t): its target quantity and its course.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, cast
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from icmj.base.array import real
+from icmj.base.array import MOST_ENTRIES, Array, Finite, NonNegative, Positive, Seed, instants, real
 from icmj.controller.controller import Controller, Law
 from icmj.controller.delayed import Channel, DelayedPID, PredictorController, SwitchingChannels, SwitchingPD, slope_of
 from icmj.controller.design import HOLDS, Delay, Design, Hold
-from icmj.controller.setpoint import Setpoint
+from icmj.controller.setpoint import (
+    Setpoint,
+    StepPairs,
+    Target,
+    double_steps,
+    polygon,
+    pulse,
+    ramp,
+    sines,
+    step,
+    ternary,
+)
 from icmj.controller.trigger import BoxTrigger, EventRule, EventTrigger, as_weight, expect_rule
 from icmj.errors import AnalysisError, RunFileError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.quality import Kind
+from icmj.runfile.run_tables import ColumnTable, HarmonicTable, SequenceTable, read_column
 from icmj.runfile.table import (
-    MOST_ENTRIES,
-    Finite,
+    LISTED,
     Interval,
+    Line,
     Matrix,
-    NonNegative,
     Numbers,
     Parameters,
-    Positive,
     Positives,
     Reference,
     TomlTable,
     Weight,
+    keys_of,
+    make,
 )
 from icmj.work.own_code import Code, pick_accepted
 
@@ -93,11 +109,12 @@ class ControllerTable(TomlTable):
     """Whether its controller follows a set-point."""
 
     def law(self, parts: Parts) -> Law:
-        """The controller.
+        """The controller for the assumed plant; with the actual delay, if it is none of a design.
 
         Raises:
             DesignError, AnalysisError: if the weights give none, or a part does not fit the plant.
-            RunFileError: if a controller, rule or hold of one's own may not be made, or cannot be.
+            RunFileError: if a controller, rule or hold of one's own may not be made, or cannot be, or a file of the
+                set-point cannot be read.
         """
         raise NotImplementedError
 
@@ -146,11 +163,6 @@ class Control(ControllerTable):
     follows: ClassVar[bool] = True
 
     def law(self, parts: Parts) -> Controller:
-        """The controller of the design, with hold, event rule, delay and set-point.
-
-        Raises:
-            DesignError, AnalysisError, RunFileError: as for :meth:`ControllerTable.law`.
-        """
         design = parts.design()
         rule = self.trigger(design, parts.code)
         hold = self.make_hold(design, parts.code)
@@ -231,58 +243,40 @@ class Analysis(TomlTable):
 
 
 Share = Annotated[float, Field(gt=0, le=1)]
-Combination = str | Annotated[dict[str, Finite], Field(min_length=1, max_length=MOST_ENTRIES)]
 
 
-class SwitchingChannel(TomlTable):
+class SwitchedTable(TomlTable):
+    """What bounds the region where feedback is off, in one plane."""
+
+    share: Annotated[float, Field(gt=0, le=1)] | None = None
+    """Share ρ of the plane in which feedback is on, instead of ``slope`` = −tan(π(ρ − ½)); 1 means everywhere."""
+
+    @property
+    def line(self) -> dict[str, Any]:
+        """What ``share`` says instead of ``slope``, where it is given: the line, or that there is none."""
+        if self.share is None:
+            return {}
+        return {"slope": 0.0, "switches": False} if self.share == 1 else {"slope": slope_of(self.share)}
+
+    @model_validator(mode="after")
+    def _says_it_once(self) -> SwitchedTable:
+        if self.share is not None and "slope" in self.model_fields_set:
+            raise ValueError("give slope or share, not both")
+        return self
+
+
+@keys_of(Channel)
+class SwitchingChannel(SwitchedTable):
     """One channel of a switching controller of several joints: for a joint, or for the virtual pendulum."""
-
-    position: Combination
-    """Position that is fed back: an output θ, or weights of several outputs, ``{ ankle = 0.6, hip = 0.3 }``."""
-    rate: Combination
-    """Rate that is fed back: an output θ', or weights of several outputs by name."""
-    P: Finite
-    """Gain of the position [input per output]."""
-    D: Finite
-    """Gain of the rate [input per output]."""
-    input: str = ""
-    """Input that is commanded; may be left out if the plant has only one input."""
-    slope: Finite = 0.0
-    """Slope a of the line θ' = aθ that, together with θ = 0, bounds the region where feedback is off [1/s]."""
-    share: Share | None = None
-    """Share ρ of the plane in which feedback is on, instead of ``slope``; 1 means the whole plane."""
-    dead_zone: NonNegative = 0.0
-    """Size of (θ, θ') within which feedback is off."""
-    switches: bool = True
-    """Whether feedback is switched; if not, it is always on."""
 
     @property
     def channel(self) -> Channel:
         """The channel."""
-        slope, switches = _line(self)
-        return Channel(
-            self.position, self.rate, self.P, self.D, self.input, slope, self.dead_zone, self.switches and switches
-        )
-
-    @model_validator(mode="after")
-    def _says_it_once(self) -> SwitchingChannel:
-        _once(self)
-        return self
+        return make(Channel, self, **self.line)
 
 
-def _line(table: Switching | SwitchingChannel) -> tuple[float, bool]:
-    """The slope that slope or share says, and whether there is a line at all."""
-    if table.share == 1:
-        return 0.0, False
-    return (table.slope if table.share is None else slope_of(table.share)), True
-
-
-def _once(table: Switching | SwitchingChannel) -> None:
-    if table.share is not None and "slope" in table.model_fields_set:
-        raise ValueError("give slope or share, not both")
-
-
-class Switching(ControllerTable):
+@keys_of(SwitchingPD, without=("assumed", "delay"))
+class Switching(SwitchedTable, ControllerTable):
     """Feedback of delayed outputs that is switched on and off in their state plane (Asai et al. 2009).
 
     Its delay is that of the plant: ``delay`` of ``[actual]``, or else of ``[assumed]``.
@@ -291,38 +285,12 @@ class Switching(ControllerTable):
     kind: Literal["switching"]
     """Kind of controller."""
     position: str
-    """Output θ that is fed back."""
     rate: str
-    """Output θ' that is fed back."""
     P: Finite | Numbers
-    """Gain of the position: one number for all inputs, or one for each input [input per output]."""
     D: Finite | Numbers
-    """Gain of the rate: one number for all inputs, or one for each input [input per output]."""
-    slope: Finite = 0.0
-    """Slope a of the line θ' = aθ that, together with θ = 0, bounds the region where feedback is off [1/s]."""
-    share: Share | None = None
-    """Share ρ of the plane in which feedback is on, instead of ``slope`` = −tan(π(ρ − ½)); 1 means everywhere."""
-    dead_zone: NonNegative = 0.0
-    """Size of (θ, θ') within which feedback is off."""
-    switches: bool = True
-    """Whether feedback is switched; if not, this is the continuous delayed controller."""
 
     def law(self, parts: Parts) -> Law:
-        """The controller for the assumed plant, with the actual delay.
-
-        Raises:
-            AnalysisError: if it does not fit the plant.
-        """
-        slope, switches = _line(self)
-        return SwitchingPD(
-            parts.assumed, self.position, self.rate, self.P, self.D, parts.delay.t_d, slope, self.dead_zone,
-            self.switches and switches,
-        )  # fmt: skip
-
-    @model_validator(mode="after")
-    def _says_it_once(self) -> Switching:
-        _once(self)
-        return self
+        return make(SwitchingPD, self, assumed=parts.assumed, delay=parts.delay.t_d, **self.line)
 
 
 class Channelled(ControllerTable):
@@ -339,14 +307,10 @@ class Channelled(ControllerTable):
     """The channels, one ``[[controller.channel]]`` each."""
 
     def law(self, parts: Parts) -> Law:
-        """The controller for the assumed plant, with the actual delay.
-
-        Raises:
-            AnalysisError: if it does not fit the plant.
-        """
         return SwitchingChannels(parts.assumed, tuple(each.channel for each in self.channel), parts.delay.t_d)
 
 
+@keys_of(DelayedPID, without=("assumed", "delay"))
 class DelayedPIDTable(ControllerTable):
     """Continuous delayed feedback, proportional, integral and derivative, with force feedback (Peterka's family).
 
@@ -355,35 +319,9 @@ class DelayedPIDTable(ControllerTable):
 
     kind: Literal["delayed-pid"]
     """Kind of controller."""
-    position: str
-    """Output θ that is fed back."""
-    rate: str
-    """Output θ' that is fed back."""
-    P: Finite
-    """Gain K_P of the position [input per output]."""
-    D: Finite
-    """Gain K_D of the rate [input per output]."""
-    I: Finite = 0.0
-    """Gain K_I of the integral [input per output and second]."""
-    weight: Finite = 1.0
-    """Sensory weight w of position and rate."""
-    input: str = ""
-    """Input that is commanded; may be left out if the plant has only one input."""
-    force: str = ""
-    """Output T that the force feedback G/(τs + 1) reads with the delay; by default the command itself."""
-    force_gain: Finite = 0.0
-    """Gain G of the force feedback [position per unit of T]. With 0 there is no force feedback."""
-    force_time: Positive = 1.0
-    """Time constant τ of the force feedback [s]."""
 
     def law(self, parts: Parts) -> Law:
-        """The controller for the assumed plant, with the actual delay.
-
-        Raises:
-            AnalysisError: if it does not fit the plant.
-        """
-        given = self.model_dump(exclude={"kind"})
-        return DelayedPID(parts.assumed, **given, delay=parts.delay.t_d)
+        return make(DelayedPID, self, assumed=parts.assumed, delay=parts.delay.t_d)
 
 
 class Predictor(ControllerTable):
@@ -398,13 +336,6 @@ class Predictor(ControllerTable):
     follows: ClassVar[bool] = True
 
     def law(self, parts: Parts) -> Law:
-        """The controller of the design.
-
-        Raises:
-            DesignError, AnalysisError: if the weights give none, or there is no delay, or one over which nothing can
-                be predicted.
-            RunFileError: if a file of the set-point cannot be read.
-        """
         return PredictorController(parts.design(), parts.delay, parts.setpoint())
 
 
@@ -419,11 +350,6 @@ class OwnController(ControllerTable):
     """Parameters of the controller, by name."""
 
     def law(self, parts: Parts) -> Law:
-        """The controller for the assumed plant and, if it takes one, the actual delay.
-
-        Raises:
-            RunFileError: if it may not be made, cannot be, or is none.
-        """
         given = pick_accepted(parts.code.find(self.kind), {"delay": parts.delay.t_d})
         made = parts.code.make(self.kind, parts.assumed, **{**given, **self.parameters})
         if not isinstance(made, Law):
@@ -452,3 +378,217 @@ AnyController = Annotated[
     Discriminator(_kind, custom_error_type="controller_kind", custom_error_message=_KINDS),
 ]
 """The controller of a run file, by its ``kind``."""
+
+
+MOST_STEPS = 10_000  # of pairs of steps
+MOST_INTERVALS = 5_000  # of a ternary sequence or a file: each is a term that a run carries
+
+
+class TargetTable(TomlTable):
+    """A channel of the set-point, or a part of it: entries with the same name are added."""
+
+    output: Annotated[Line, Field(min_length=1)] | None = None
+    """Output, or state, of the assumed plant that follows the set-point. Give either ``output`` or ``combination``."""
+    combination: Annotated[dict[str, Finite], Field(min_length=1, max_length=MOST_ENTRIES)] = {}
+    """Weights of outputs or states whose sum follows the set-point, such as ``{ shank = 0.5, thigh = 0.3 }``."""
+    name: Line = ""
+    """Name of the set-point; a combination needs one."""
+    unit: Line = ""
+    """Unit of the set-point; by default that of the output."""
+    kind: str
+    """Kind of motion."""
+    start: NonNegative = 0.0
+    """Start [s]."""
+
+    @abstractmethod
+    def terms(self, end: float) -> Array:
+        """Terms of its motion until ``end`` [s], in the form of :class:`icmj.controller.setpoint.Target`."""
+
+    def target(self, end: float, folder: Path = Path()) -> Target:
+        """The target that it stands for, of a run until ``end`` [s] whose run file lies in ``folder``."""
+        return self._target(self.terms(end))
+
+    def _target(self, terms: Array, unit: str = "") -> Target:
+        return Target(self.combination or {str(self.output): 1.0}, terms, self.name, unit=self.unit or unit)
+
+    @model_validator(mode="after")
+    def _one_of_output_and_combination(self) -> TargetTable:
+        if (self.output is None) == (not self.combination):
+            raise ValueError("give one of output and combination")
+        if self.combination and not self.name:
+            raise ValueError("a combination needs a name")
+        return self
+
+
+class StepSetpoint(TargetTable):
+    """A step of ``size`` at ``start`` [s], by default at the beginning of the run."""
+
+    kind: Literal["step"]
+    size: Finite
+    """Size of the step [unit of the output]."""
+
+    def terms(self, end: float) -> Array:
+        return step(self.size, self.start)
+
+
+class PulseSetpoint(TargetTable):
+    """A pulse of ``size`` from ``start`` [s] on, which ends after ``duration`` [s]."""
+
+    kind: Literal["pulse"]
+    size: Finite
+    """Size of the pulse [unit of the output]."""
+    duration: Positive
+    """Duration [s]."""
+
+    def terms(self, end: float) -> Array:
+        return pulse(self.size, self.start, self.duration)
+
+
+class RampSetpoint(TargetTable):
+    """A ramp from 0 at ``start`` [s] to ``size``, linear over ``duration`` [s], and then constant."""
+
+    kind: Literal["ramp"]
+    size: Finite
+    """Value at the end of the ramp [unit of the output]."""
+    duration: Positive
+    """Duration [s]."""
+
+    def terms(self, end: float) -> Array:
+        return ramp(self.size, self.start, self.duration)
+
+
+class SinesSetpoint(HarmonicTable, TargetTable):
+    """A sum of sinusoids, Σ a sin(2πf(t − start) + φ)."""
+
+    kind: Literal["sines"]
+
+    def terms(self, end: float) -> Array:
+        return sines(self.size, self.frequencies, self.all_phases, self.start)
+
+    @model_validator(mode="after")
+    def _one_for_each(self) -> SinesSetpoint:
+        count = len(self.frequencies)
+        for key in ("size", "phases"):
+            given = getattr(self, key)
+            if isinstance(given, list) and len(given) != count:
+                raise ValueError(f"{key} has {len(given)} numbers for {count} frequencies")
+        if self.phases is not None and "seed" in self.model_fields_set:
+            raise ValueError("give either phases or their seed")
+        return self
+
+
+class TernarySetpoint(SequenceTable, TargetTable):
+    """A pseudo-random ternary sequence of velocities −v, 0, v, integrated; it repeats after 242 intervals."""
+
+    kind: Literal["ternary"]
+
+    def terms(self, end: float) -> Array:
+        intervals = (end - self.start) / self.interval
+        if intervals > MOST_INTERVALS:
+            raise AnalysisError(
+                f"a ternary set-point of {self.interval:g} s has {intervals:.3g} intervals in this run; expected at "
+                f"most {MOST_INTERVALS}, lengthen its interval"
+            )
+        return ternary(self.size, self.interval, self.start, end)
+
+
+class DoubleStepsSetpoint(TargetTable):
+    """Pairs of steps of a double-step experiment, in random order; the second step goes on, or back twice as far."""
+
+    kind: Literal["double-steps"]
+    size: Finite
+    """Size of the first step of each pair [unit of the output]."""
+    isi: Annotated[Positives, Field(min_length=1, max_length=MOST_ENTRIES)]
+    """Inter-step intervals, from the first to the second step [s]."""
+    repetitions: Annotated[int, Field(ge=1, le=10_000)] = 5
+    """Number of repetitions of each interval in each direction."""
+    recovery: Annotated[tuple[Positive, Positive], LISTED] = (2.0, 3.0)
+    """Shortest and longest time from a pair to the next [s]. Times are uniformly distributed between them."""
+    directions: Annotated[list[Literal["same", "reversal"]], Field(min_length=1, max_length=2)] = ["same", "reversal"]
+    """Directions of the second step."""
+    seed: Seed = 0
+    """Seed of order, directions and times."""
+    start: Positive = 1.0
+    """Time before the first pair [s]."""
+
+    def pairs(self) -> StepPairs:
+        """The pairs.
+
+        Raises:
+            AnalysisError: if an interval is repeated, the size is zero, or there are too many steps.
+        """
+        steps = 2 * len(self.isi) * len(self.directions) * self.repetitions
+        if steps > MOST_STEPS:
+            raise AnalysisError(f"a double-step set-point of {steps} steps; expected at most {MOST_STEPS}")
+        return double_steps(
+            self.isi,
+            self.repetitions,
+            self.size,
+            recovery=self.recovery,
+            directions=self.directions,
+            seed=self.seed,
+            start=self.start,
+        )
+
+    def terms(self, end: float) -> Array:
+        return self.pairs().terms
+
+
+class FileSetpoint(ColumnTable, TargetTable):
+    """A column of a file, linearly interpolated; r is 0 before its first row, and constant after its last row."""
+
+    kind: Literal["file"]
+    start: NonNegative = 0.0
+    """Time of the run at which the file begins [s]."""
+    interval: Positive | None = None
+    """Time between the values that are used from the column [s]. By default, every row is used."""
+
+    def target(self, end: float, folder: Path = Path()) -> Target:
+        times, values, unit = self._read(folder / self.file)
+        keep = np.searchsorted(times, end) + 1  # rows after the end of the run move nothing
+        terms = polygon(times[:keep], values[:keep])
+        if len(terms) > MOST_INTERVALS:
+            raise AnalysisError(
+                f"setpoint: {self.file} has {len(terms)} pieces in this run; expected at most {MOST_INTERVALS}; set "
+                "its interval"
+            )
+        return self._target(terms, unit)
+
+    def terms(self, end: float) -> Array:
+        return self.target(end).terms
+
+    def _read(self, path: Path) -> tuple[Array, Array, str]:
+        """Times in the run [s], values, and their unit."""
+        t, values, unit = read_column("setpoint", path, self.column)
+        values = self.size * values
+        if self.interval is not None:
+            count = t[-1] / self.interval
+            if count > MOST_INTERVALS:
+                raise RunFileError(
+                    f"setpoint: interval {self.interval:g} s makes {count:.3g} pieces of {path}; expected at most "
+                    f"{MOST_INTERVALS}"
+                )
+            at = np.append(instants(self.interval, float(t[-1])), t[-1:])
+            at = at[np.diff(at, prepend=-1.0) > 1e-9]
+            t, values = at, np.interp(at, t, values)
+        return t + self.start, values, unit
+
+
+SetpointTable = Annotated[
+    StepSetpoint | PulseSetpoint | RampSetpoint | SinesSetpoint | TernarySetpoint | DoubleStepsSetpoint | FileSetpoint,
+    Field(discriminator="kind"),
+]
+
+
+def targets(tables: Sequence[SetpointTable], end: float, path: Path) -> list[Target]:
+    """The targets of a set-point in a run until ``end`` [s] of the run file ``path``.
+
+    Raises:
+        RunFileError, AnalysisError: if a file of one cannot be read, or it has too many pieces.
+    """
+    return [table.target(end, path.parent) for table in tables]
+
+
+def find_files(tables: Sequence[SetpointTable], path: Path) -> list[Path]:
+    """The files of a set-point of the run file ``path``."""
+    return [path.parent / table.file for table in tables if isinstance(table, FileSetpoint)]

@@ -9,20 +9,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from icmj.errors import ModelError
-from icmj.plant.body import Activation, Change, OperatingKind, OperatingRule, Person, Selection, What
-from icmj.runfile.table import (
-    CHOICE,
-    LISTED,
-    Finite,
-    Matrix,
-    NonNegative,
-    Numbers,
-    Parameters,
-    Positive,
-    Reference,
-    TomlTable,
-)
+from icmj.base.array import Finite, NonNegative
+from icmj.plant.body import Activation, Change, OperatingKind, OperatingRule, Person, Segment, Selection
+from icmj.runfile.table import CHOICE, Matrix, Numbers, Parameters, Reference, TomlTable, checks, keys_of, make
 
 LETTERS = ("A", "B", "C")
 
@@ -72,36 +61,21 @@ class MatrixTable(TomlTable):
         return self
 
 
+@keys_of(Segment, optional=True)
 class SegmentTable(TomlTable):
     """Values of a segment that replace the default ones; see :class:`icmj.plant.body.Segment`."""
 
-    mass: Positive | None = None
-    """Mass as a fraction of that of the body, both sides together."""
-    length: Positive | None = None
-    """Length as a fraction of the height."""
-    com: Positive | None = None
-    """Centre of mass from the lower end, as a fraction of the length."""
-    gyration: Positive | None = None
-    """Radius of gyration about the centre of mass, as a fraction of the length."""
 
-
+@keys_of(Person)
 class PersonTable(TomlTable):
     """Height [m] and mass [kg], passive torque, and segments; see :class:`icmj.plant.body.Person`."""
 
-    height: Positive = 1.80
-    """Height of the person [m]."""
-    mass: Positive = 80.0
-    """Mass of the person [kg]."""
-    stiffness: Annotated[tuple[NonNegative, NonNegative, NonNegative], LISTED] = (0.0, 0.8, 0.8)
-    """Passive stiffness of ankle, knee and hip, as shares of the toppling stiffness."""
-    damping: NonNegative = 0.005
-    """Passive damping of every joint, divided by its toppling stiffness [s]."""
     segments: dict[Literal["shank", "thigh", "trunk", "foot"], SegmentTable] = {}
     """Segments by name whose values differ from the default ones."""
 
     def person(self) -> Person:
         """The person that the table describes."""
-        person = Person(self.height, self.mass, self.stiffness, self.damping)
+        person = make(Person, self, segments={})
         for name, table in self.segments.items():
             person = person.with_segment(name, **table.model_dump(exclude_none=True))
         return person
@@ -111,9 +85,7 @@ ON_ENGINE = ("keyframe", "operating_point", "free", "pose", "drop", "person", "d
 """Keys of a plant that only a model has."""
 
 
-_Each = Positive | dict[str, Positive]
-
-
+@keys_of(Activation)
 class ActivationTable(TomlTable):
     """Activation dynamics: a lag between the command of an input and its action, as in muscles.
 
@@ -121,14 +93,6 @@ class ActivationTable(TomlTable):
     """
 
     order: Annotated[Literal[0, 1, 2], CHOICE]
-    """Order of the lag: 1 is ``1/(τs + 1)``, 2 is ``ω₀²/(s² + 2ζω₀s + ω₀²)``; 0 is none where the assumed plant has
-    one."""
-    time_constant: _Each | None = None
-    """Time constant τ [s]. For the second order it is 1/ω₀."""
-    frequency: _Each | None = None
-    """Natural frequency ω₀ of the second order, instead of a time constant [rad/s]."""
-    damping_ratio: _Each | None = None
-    """Damping ratio ζ of the second order (default: 1, critically damped)."""
 
     def activation(self) -> Activation:
         """The lag that the table describes.
@@ -136,15 +100,9 @@ class ActivationTable(TomlTable):
         Raises:
             ModelError: if it is none.
         """
-        return Activation(self.order, self.time_constant, self.frequency, self.damping_ratio)
+        return make(Activation, self)
 
-    @model_validator(mode="after")
-    def _is_one(self) -> ActivationTable:
-        try:
-            self.activation()
-        except ModelError as error:
-            raise ValueError(str(error).removeprefix("activation: ")) from error
-        return self
+    _is_one = checks("activation")
 
 
 class PlantTable(MatrixTable):
@@ -225,17 +183,9 @@ class Assumed(PlantTable):
         return self
 
 
+@keys_of(Change)
 class ChangeTable(TomlTable):
     """One change of a property; :mod:`icmj.plant.body` lists the properties."""
-
-    what: What
-    """Property to change."""
-    of: str | None = None
-    """Name of the element whose property changes (default: all elements that have the property)."""
-    factor: Finite | None = None
-    """Factor on the property; give either ``factor`` or ``value``."""
-    value: Finite | list[Finite] | None = None
-    """New value of the property [unit of the property]."""
 
     def change(self) -> Change:
         """The change that the table describes.
@@ -243,16 +193,9 @@ class ChangeTable(TomlTable):
         Raises:
             ModelError: if it is not one.
         """
-        value = tuple(self.value) if isinstance(self.value, list) else self.value
-        return Change(self.what, self.of, self.factor, value)
+        return make(Change, self)
 
-    @model_validator(mode="after")
-    def _is_one(self) -> ChangeTable:
-        try:
-            self.change()
-        except ModelError as error:
-            raise ValueError(str(error)) from error
-        return self
+    _is_one = checks("change")
 
 
 class Actual(PlantTable):
@@ -276,6 +219,11 @@ class Actual(PlantTable):
     """Share ρ of all changes that is applied, from 0 (none) to 1 (all)."""
     delay: NonNegative | None = None
     """Actual delay [s] (default: the assumed one)."""
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """The further differences from the assumed model."""
+        return tuple(table.change() for table in self.change)
 
 
 def _names(given: list[str] | None) -> tuple[str, ...] | None:

@@ -24,14 +24,14 @@ from typing import Annotated, Any, Literal, cast
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
+from icmj.base.array import MOST_ENTRIES, Positive
 from icmj.base.text import one_line
 from icmj.errors import RunFileError
 from icmj.plant.body import Activation, Person
-from icmj.runfile.control_tables import Analysis, AnyController, Control, Weights
+from icmj.runfile.control_tables import Analysis, AnyController, Control, SetpointTable, Weights, find_files
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
-from icmj.runfile.setpoint_tables import SetpointTable, SimulationTable, StudyTable, find_files
-from icmj.runfile.source_tables import draw_tables
-from icmj.runfile.table import CHOICE, MOST_ENTRIES, Line, Positive, TomlTable, in_words
+from icmj.runfile.run_tables import SimulationTable, StudyTable, draw_tables
+from icmj.runfile.table import CHOICE, Line, TomlTable, in_words
 from icmj.work.own_code import MODELS, Code
 
 Place = tuple[str | int, ...]

@@ -22,12 +22,13 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, StringConstraints, ValidationError, model_validator
 
 from icmj.base import VERSION
+from icmj.base.array import MOST_ENTRIES, Finite, Positive, Seed
 from icmj.errors import RunFileError
 from icmj.plant.body import What
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
-from icmj.runfile.table import MOST_ENTRIES, Finite, Line, Name, Positive, TomlTable
+from icmj.runfile.table import Line, Name, TomlTable, meanings
 from icmj.work.own_code import FAMILIES, SWEEPS
 
 MOST_POINTS = 10**9
@@ -53,7 +54,7 @@ class SweepTable(TomlTable):
     """Number of samples of the fields that have only ``low`` and ``high``."""
     method: Literal["random", "sobol"] = "sobol"
     """How samples are drawn: independently, or as a scrambled Sobol sequence, which fills the space evenly."""
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
+    seed: Seed = 0
     """Seed of the samples."""
     chunk: Annotated[int, Field(ge=1, le=100_000)] | None = None
     """Number of points in a task of a process (default: a few seconds of work)."""
@@ -461,8 +462,9 @@ def _describe(record: dict[str, Any], model: type[BaseModel]) -> None:
 
 
 def docstrings(model: type[BaseModel]) -> dict[str, str]:
-    """The docstrings that stand under the keys of a table, by key."""
-    found = {}
+    """The meaning of the keys of a table, by key: the docstrings under them, or those of its setting."""
+    setting = getattr(model, "setting", None)
+    found = {key: words for key, words in meanings(setting).items() if key in model.model_fields} if setting else {}
     for cls in reversed(model.__mro__):
         if not cls.__module__.startswith("icmj."):
             continue

@@ -1,6 +1,9 @@
 """What all tables of a run file share: unknown keys are errors, a value of another type is one, and numbers lie where
 they can be computed with.
 
+Many tables are a setting of the Python interface as a file writes it: a frozen dataclass. Its keys, their bounds and
+their meaning are declared there; the table adds what only a file has.
+
 Error messages for an invalid run file.
 
 pydantic says what a value is not, once for each member of a union. Here every wrong key gets one sentence: what it
@@ -9,15 +12,29 @@ may be, what it is, and for a key that does not exist the one that was probably 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, fields
 from datetime import date, time
+from inspect import cleandoc
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Strict,
+    ValidationError,
+    create_model,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
+from icmj.base.array import LARGEST, MOST_ENTRIES, Finite, Positive
 from icmj.base.text import did_you_mean, nearest
+from icmj.errors import IcmjError
 from icmj.work.own_code import REFERENCE
 
 OWN = "own"  # tag of a table that names code as module:name
@@ -272,12 +289,6 @@ def _tag(model: Any) -> str | None:
     return str(get_args(field.annotation)[0]) if field is not None and get_args(field.annotation) else None
 
 
-# far beyond anything physical, and near enough to 1 for squares and products to be numbers
-SMALLEST, LARGEST = 1e-15, 1e12
-MOST_ENTRIES = 200  # entries of a list: more states, inputs or thresholds than can be computed with
-Positive = Annotated[float, Field(ge=SMALLEST, le=LARGEST, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
-Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 Numbers = Annotated[list[Finite], Field(min_length=1, max_length=MOST_ENTRIES)]
 Positives = Annotated[list[Positive], Field(min_length=1, max_length=MOST_ENTRIES)]
 Matrix = Annotated[list[Numbers], Field(min_length=1, max_length=MOST_ENTRIES)]
@@ -310,4 +321,83 @@ class TomlTable(BaseModel):
     Types are those of TOML: a whole number is a number, too, but neither truth nor text is.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    setting: ClassVar[type | None] = None
+    """The dataclass whose fields are keys of the table, if there is one."""
+
+
+Table = TypeVar("Table", bound=TomlTable)
+Made = TypeVar("Made")
+
+
+def keys_of(
+    setting: type, *, without: Sequence[str] = (), optional: bool = False
+) -> Callable[[type[Table]], type[Table]]:
+    """Decorator of a table: the fields of a dataclass are its keys, too, with their bounds, defaults and meanings.
+
+    Args:
+        setting: the dataclass. What the table declares itself is as the table has it.
+        without: fields that no file has.
+        optional: whether each key may be left out, and is then ``None``.
+    """
+
+    def decorate(table: type[Table]) -> type[Table]:
+        hints = get_type_hints(setting, include_extras=True)
+        keys: dict[str, Any] = {}
+        for field in fields(setting):
+            if field.name not in (*table.model_fields, *without):
+                hint, default = _as_read(hints[field.name]), ... if field.default is MISSING else field.default
+                default = default if field.default_factory is MISSING else field.default_factory()
+                keys[field.name] = (hint | None, None) if optional else (hint, default)
+        made = create_model(table.__name__, __base__=table, __module__=table.__module__, __doc__=table.__doc__, **keys)
+        made.setting = setting
+        return made
+
+    return decorate
+
+
+def _as_read(hint: Any) -> Any:
+    """A type as TOML has it: lists instead of tuples whose length is free, and tables instead of mappings."""
+    origin, inside = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return Annotated[(_as_read(inside[0]), *inside[1:])]
+    if origin in (Union, UnionType):
+        return Union[tuple(map(_as_read, inside))]  # noqa: UP007
+    if origin is Sequence or inside[-1:] == (...,):
+        return list[_as_read(inside[0])]  # type: ignore[misc]
+    if origin is tuple:
+        return Annotated[hint, LISTED]
+    return dict[inside[0], _as_read(inside[1])] if origin is Mapping else hint  # type: ignore[misc, valid-type]
+
+
+def make(setting: type[Made], table: TomlTable, **more: Any) -> Made:
+    """The setting that a table stands for: of its keys of these names that have a value, and of ``more``."""
+    given = {field.name: getattr(table, field.name, None) for field in fields(setting)}  # type: ignore[arg-type]
+    plain = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
+    return setting(**{key: value for key, value in plain.items() if value is not None} | more)
+
+
+def checks(method: str) -> Any:
+    """Validator of a table that calls a method, which makes a setting: what that refuses is told of the table."""
+
+    def check(table: Table) -> Table:
+        try:
+            getattr(table, method)()
+        except IcmjError as error:
+            raise ValueError(re.sub("^activation: ", "", str(error))) from error
+        return table
+
+    return model_validator(mode="after")(check)
+
+
+def meanings(setting: type) -> dict[str, str]:
+    """What the docstring of a dataclass, and of those that it inherits from, says of each field."""
+    found: dict[str, str] = {}
+    for cls in reversed(setting.__mro__):
+        said = re.search(r"^Attributes:\n((?: {4}.*\n)*)", f"{cleandoc(cls.__doc__ or '')}\n", re.MULTILINE)
+        for names, words in re.findall(r"^ {4}(\w[\w, ]*): (.*(?:\n {5,}.*)*)", said[1] if said else "", re.MULTILINE):
+            text = " ".join(words.split())
+            symbol = not re.match("[a-z]{2,}[ ,;]|a ", text)
+            found |= dict.fromkeys(names.split(", "), text if symbol else text[0].upper() + text[1:])
+    return found

@@ -14,11 +14,11 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, Positive
 from icmj.controller.controller import Controller
 from icmj.errors import SimulationError
 
-Limit = float | Mapping[str, float] | None
+Limit = Positive | Mapping[str, Positive] | None
 """How far positions may depart: one number for all, or by name, or what fits their units."""
 UNITS: Mapping[str, float] = {
     "rad": 1.0, "mrad": 1e3, "deg": 180 / np.pi, "°": 180 / np.pi, "rev": 0.5 / np.pi,

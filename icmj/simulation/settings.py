@@ -14,12 +14,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
+from annotated_types import Ge, Le, Len
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, since
+from icmj.base.array import Array, Finite, NonNegative, Positive, Seed, since
 from icmj.controller.controller import Controller, start_state
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import ZERO, LinearPlant, Push, Surface, Vector
@@ -81,15 +82,20 @@ class Placed:
 
 @dataclass(frozen=True)
 class Impulse(Placed):
-    """An impulse: ``size`` [N m s, or the input's unit times s] spread evenly over ``duration`` [s] from ``start`` [s].
+    """An impulse, constant over its duration, on the body along an input, on the command, or on a body; see ``Placed``.
 
-    It acts on the body along an ``input``, is added to the command, or acts on a ``body``; see ``Placed``.
+    Attributes:
+        input: name of the input on which it acts, unless it acts on a ``body``.
+        size: size of the impulse [N m s, or the unit of the input times s]. For a body, a factor on force and torque
+            (default: 1).
+        start: start [s].
+        duration: duration [s].
     """
 
     input: str | None = None
-    size: float = 1.0
-    start: float = 0.0
-    duration: float = 0.05
+    size: Finite = 1.0
+    start: NonNegative = 0.0
+    duration: Positive = 0.05
 
     def __post_init__(self) -> None:
         where = self._check_place("impulse")
@@ -100,11 +106,17 @@ class Impulse(Placed):
 
 @dataclass(frozen=True)
 class Step(Placed):
-    """A step: ``size`` [N m, or the unit of the input] from ``start`` [s] on, acting where an impulse may act."""
+    """A step, which acts where an impulse may act.
+
+    Attributes:
+        input: name of the input on which it acts, unless it acts on a ``body``.
+        size: size of the step [N m, or the unit of the input]. For a body, a factor on force and torque (default: 1).
+        start: start [s].
+    """
 
     input: str | None = None
-    size: float = 1.0
-    start: float = 0.0
+    size: Finite = 1.0
+    start: NonNegative = 0.0
 
     def __post_init__(self) -> None:
         where = self._check_place("step")
@@ -123,24 +135,24 @@ class Noise(Placed):
     same seed and spectrum are the same signal, apart from their size.
 
     Attributes:
-        input, output: name of the input or output on which it acts, unless it acts on a ``body``.
-        size: standard deviation [unit of the input or output, or of force and torque].
-        bandwidth: upper end of a flat spectrum [Hz].
-        corner: frequency at which a low-pass spectrum has decreased to half [Hz]; the spectrum ends at twenty times
-            that.
+        input: name of the input on which it acts, unless it acts on an ``output`` or a ``body``.
+        size: standard deviation [unit of the input or output]. For a body, a factor on force and torque (default: 1).
+        bandwidth: upper end of a flat spectrum [Hz]. Give either ``bandwidth`` or ``corner``.
         seed: seed of frequencies and phases.
-        start: time at which it begins [s].
-        terms: number of sinusoids; with more of them the spectral lines are finer.
+        start: start [s].
+        output: name of the output whose reading is disturbed, instead of an input or body.
+        corner: frequency at which a low-pass spectrum has fallen to half [Hz]. The spectrum ends at twenty times that.
+        terms: number of sinusoids of which the noise is the sum; with more of them the spectral lines are finer.
     """
 
     input: str | None = None
-    size: float = 1.0
-    bandwidth: float | None = None
-    seed: int = 0
-    start: float = 0.0
+    size: Positive = 1.0
+    bandwidth: Positive | None = None
+    seed: Seed = 0
+    start: NonNegative = 0.0
     output: str | None = None
-    corner: float | None = None
-    terms: int = NOISE_TERMS
+    corner: Positive | None = None
+    terms: Annotated[int, Ge(1)] = NOISE_TERMS
     on: On = field(default="command", kw_only=True)
 
     def __post_init__(self) -> None:
@@ -162,14 +174,15 @@ class Sinusoids(Placed):
     """A sum of sinusoids Σ a cos(ωt + φ), in the same places as :class:`Noise`; noise from user code has this form.
 
     Attributes:
-        input, output: name of the input or output on which it acts, unless it acts on a ``body``.
-        terms: (a, ω, φ) of each term [unit of the input or output, or of force and torque; rad/s; rad], or (a, ω, φ,
-            start, end), which acts from ``start`` to ``end`` only [s].
+        input: name of the input on which it acts, unless it acts on an ``output`` or a ``body``.
+        output: name of the output whose reading is disturbed, instead of an input or body.
+        terms: terms (a, ω, φ), or (a, ω, φ, start, end), which acts from ``start`` to ``end`` only, of a cos(ωt + φ)
+            [unit; rad/s; rad; s].
     """
 
     input: str | None = None
     output: str | None = None
-    terms: tuple[tuple[float, ...], ...]
+    terms: Annotated[tuple[Annotated[tuple[Finite, ...], Len(3, 5)], ...], Len(0, MOST_TERMS)]
     on: On = "command"
 
     def __post_init__(self) -> None:
@@ -189,11 +202,17 @@ class Sinusoids(Placed):
 
 @dataclass(frozen=True)
 class Bias:
-    """A constant error of the observer's reading of an output: ``size`` [unit of the output] from ``start`` [s] on."""
+    """A constant error of the observer's reading of an output.
+
+    Attributes:
+        output: name of the output.
+        size: size of the error [unit of the output].
+        start: start [s].
+    """
 
     output: str
-    size: float
-    start: float = 0.0
+    size: Finite
+    start: NonNegative = 0.0
 
     def __post_init__(self) -> None:
         _check(self, "bias", "size", "start")
@@ -205,15 +224,17 @@ class Gridded(Placed):
     """A disturbance given by its values at the points of a regular time grid from t = 0 on, and linear between them.
 
     Attributes:
-        input, output: name of the input or output on which it acts, unless it acts on a ``body``.
-        interval: distance between the points of the grid [s].
-        start: time at which it begins [s].
+        input: name of the input on which it acts, unless it acts on an ``output`` or a ``body``.
+        output: name of the output whose reading is disturbed, instead of an input or body.
+        interval: distance between the points of the grid [s]. Those of several grids must be integer multiples of the
+            shortest.
+        start: time before which it is zero [s].
     """
 
     input: str | None = None
     output: str | None = None
-    interval: float = GRID
-    start: float = 0.0
+    interval: Positive = GRID
+    start: NonNegative = 0.0
 
     def _check_grid(self, what: str, *names: str) -> str:
         """Check the place and the grid; SimulationError if one is wrong."""
@@ -228,25 +249,24 @@ class Gridded(Placed):
 class Gaussian(Gridded):
     """Gaussian noise on a regular time grid, in the same places as :class:`Noise`, for fits and for runs of any length.
 
-    At the points of the grid its distribution is exact; between them it is linear.
+    At the points of the grid its distribution is exact; between them it is linear. The place, ``interval`` and
+    ``start`` are those of :class:`Gridded`.
 
     Attributes:
-        input, output: name of the input or output on which it acts, unless it acts on a ``body``.
-        size: standard deviation at the points of the grid [unit of the input or output, or of force and torque].
-        corner: frequency at which a first-order low-pass spectrum has decreased to half [Hz]; if ``None``, white noise,
-            whose values are independent, with the density 2 size² interval [unit²/Hz] far below 1 / interval.
-        interval: distance between the points of the grid [s].
+        size: standard deviation at the points of the grid [unit of the input or output]. For a body, a factor on force
+            and torque (default: 1).
+        corner: frequency at which a first-order low-pass spectrum has fallen to half [Hz]. By default, the noise is
+            white: its values are independent, with the density 2 size² interval [unit²/Hz] far below 1 / interval.
         seed: seed of the values.
-        start: time at which it begins [s].
         share: instead of a size, for an ``input``: the standard deviation as a share of the controller's command u(t)
             to it (signal-dependent noise). The noise is share · u(t) · ξ(t), where ξ has the variance one at the points
             of the grid; u is the command's departure from the operating point as it acts, after the controller's delay
             and before gain, gear and dynamics of the actuator. 0 for noise of constant size.
     """
 
-    size: float = 1.0
-    corner: float | None = None
-    seed: int = 0
+    size: Positive = 1.0
+    corner: Positive | None = None
+    seed: Seed = 0
     share: float = 0.0
     on: On = "command"
 
@@ -268,15 +288,14 @@ class Gaussian(Gridded):
 class Sampled(Gridded):
     """A disturbance of any course, by its values: a ramp, or a recording; in the same places as :class:`Noise`.
 
+    The place, ``interval`` and ``start`` are those of :class:`Gridded`.
+
     Attributes:
-        input, output: name of the input or output on which it acts, unless it acts on a ``body``.
-        values: at the points of the grid [unit of the input or output, or of force and torque]; after the last point,
-            its value is held.
-        interval: distance between the points of the grid [s].
-        start: time before which it is zero [s].
+        values: values at the points of the grid [unit of the disturbed signal]. After the last point, its value is
+            held. For a body, factors on force and torque.
     """
 
-    values: tuple[float, ...]
+    values: Annotated[tuple[Finite, ...], Len(1, MOST_VALUES)]
 
     def __post_init__(self) -> None:
         where = self._check_grid("sampled disturbance")
@@ -407,6 +426,7 @@ def points_between(edges: Array, noises: Sequence[Gridded], duration: float) -> 
 
 MOST_ROWS = 2e6  # some hundred bytes each, in memory and in the log
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-13, 0.1  # below is rounding, above nothing is told of the motion
+Duration = Annotated[Positive, Ge(1e-6), Le(1e9)]  # s, up to thirty years: the viewer counts nanoseconds in 64 bits
 Integrator = Literal["RK4", "Euler", "implicit", "implicitfast", "discrete"]
 
 
@@ -416,33 +436,33 @@ class Settings:
 
     Attributes:
         duration: duration of the run [s].
-        initial: initial deviations of plant states from the operating point, by name; the others start at it.
-        observer: initial observer states by name; the others start at zero, because the controller has no information
-            yet.
-        timestep: timestep in MuJoCo [s]. The linear plant needs none.
-        integrator: integrator in MuJoCo; if ``None``, that of the model.
-        tolerance: relative error of an open-loop interval to which the steps in MuJoCo are adapted, instead of a
-            timestep and an integrator. If none of the three is given, 1e-8 for models in which no contact, friction or
-            limit can occur; otherwise the timestep of the model.
-        record_interval: interval between two recorded rows [s], at its multiples; events are always recorded.
-        limit: the run counts as *fallen* when a position of the plant deviates from the operating point by more than
-            this: one number for all [rad or m], or by name [unit of the position]; 1 rad or 1 m if ``None``. See
-            :func:`icmj.simulation.ending.limits_of` for other units.
+        initial: initial deviations of plant states from the operating point, by name; the others are zero.
+        observer: initial states of the observer, by name; the others are zero, because the controller has no
+            information yet.
+        timestep: timestep in MuJoCo, instead of a tolerance [s]. The linear plant needs none.
+        integrator: integrator in MuJoCo (default: that of the model).
+        record_interval: time between recorded rows [s], which are at its multiples. Events are always recorded.
+        limit: deviation of a position from the operating point at which the run counts as fallen: one number for all
+            [rad or m, converted to other units of angle or length], or positions by name, each in its own unit.
+            Default: 1 rad or 1 m; in plants given by matrices, positions with other units have no limit.
         disturbance: disturbances of inputs, of bodies, or of the observer's readings of outputs.
+        tolerance: relative error of an open-loop interval to which the steps in MuJoCo are adapted. Default, if neither
+            timestep nor integrator is given: 10⁻⁸ if no contact, friction or limit can act; else the timestep of the
+            model.
 
     Raises:
         SimulationError: on construction, if a number is out of range, or the run would have too many rows.
     """
 
-    duration: float = 30.0
-    initial: Mapping[str, float] = field(default_factory=dict)
-    observer: Mapping[str, float] = field(default_factory=dict)
-    timestep: float | None = None
+    duration: Duration = 30.0
+    initial: Mapping[str, Finite] = field(default_factory=dict)
+    observer: Mapping[str, Finite] = field(default_factory=dict)
+    timestep: Positive | None = None
     integrator: Integrator | None = None
-    record_interval: float = 0.01
+    record_interval: Positive = 0.01
     limit: Limit = None
     disturbance: tuple[Source, ...] = ()
-    tolerance: float | None = None
+    tolerance: Positive | None = None
 
     @property
     def pushes(self) -> tuple[Push, ...]:

@@ -42,9 +42,9 @@ from icmj.experiments.refractoriness import (
     group_intervals,
     refractoriness,
 )
+from icmj.runfile.control_tables import DoubleStepsSetpoint
 from icmj.runfile.experiment_tables import DoubleStepTable, ExperimentFile, QuietStandingTable
 from icmj.runfile.schema import RunFile
-from icmj.runfile.setpoint_tables import DoubleStepsSetpoint
 from icmj.series.series import Series, even_series, piecewise
 from icmj.simulation.simulation import Simulation
 

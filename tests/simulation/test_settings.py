@@ -9,8 +9,7 @@ import pytest
 from linear_cases import PENDULUM, event_controller, pendulum_design
 
 from icmj.errors import SimulationError
-from icmj.runfile.setpoint_tables import SimulationTable
-from icmj.runfile.source_tables import BiasTable, ImpulseTable, NoiseTable, StepTable
+from icmj.runfile.run_tables import BiasTable, ImpulseTable, NoiseTable, SimulationTable, StepTable
 from icmj.simulation import ending
 from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step, start_states
 

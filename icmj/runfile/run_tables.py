@@ -1,4 +1,7 @@
-"""The tables of disturbances: each kind with its shape, and the place where it acts.
+"""The tables of a run: its disturbances, how it is simulated, and what the study adds.
+
+The tables of disturbances: each kind with its shape, and the place where it acts. Shapes that a set-point may have,
+too, are here.
 
 The keys of a disturbance that determine where it acts: on an input, on a body, or on the support surface.
 
@@ -11,50 +14,97 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, cast
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, model_validator
 
-from icmj.base.array import Array, steps_in
+from icmj.base.array import LARGEST, MOST_ENTRIES, Array, Finite, NonNegative, Positive, Seed, steps_in
+from icmj.base.process import SWITCH
 from icmj.errors import DataError, RunFileError, SimulationError
 from icmj.plant.linear_plant import ZERO
 from icmj.runfile.table import (
-    LARGEST,
     LISTED,
-    Finite,
     Line,
-    NonNegative,
     Numbers,
     Parameters,
-    Positive,
     Positives,
     Reference,
     TomlTable,
+    checks,
+    keys_of,
+    make,
     short,
 )
 from icmj.simulation.disturbance import ternary_lines, tilt_sources
 from icmj.simulation.settings import (
     GRID,
-    MOST_TERMS,
     MOST_VALUES,
-    NOISE_TERMS,
     Bias,
+    Duration,
     Gaussian,
     Impulse,
     Noise,
     On,
     Sampled,
+    Settings,
     Sinusoids,
     Source,
     Step,
 )
 from icmj.work.own_code import Code, digest_of, pick_accepted
 
+Kind = TypeVar("Kind", bound=Source)
 Vector = Annotated[tuple[Finite, Finite, Finite], LISTED]
 
 
-class PlaceTable(TomlTable):
+class ColumnTable(TomlTable):
+    """A course that is a column of a file."""
+
+    file: Annotated[Line, Field(min_length=1)]
+    """File of time series, relative to the run file: CSV, Parquet, npz, OpenSim's or C3D."""
+    column: Annotated[Line, Field(min_length=1)]
+    """Name of the column in the file; degrees are converted to radians, millimetres and centimetres to metres."""
+    size: Finite = 1.0
+    """Factor on the column."""
+
+
+class HarmonicTable(TomlTable):
+    """A course that is a sum of sinusoids."""
+
+    size: Finite | Numbers
+    """Amplitude a: one number for all, or one for each sinusoid [unit of the signal]."""
+    frequencies: Positives
+    """Frequency f of each sinusoid [Hz]."""
+    phases: Numbers | None = None
+    """Phase φ of each sinusoid [rad]. By default, phases are drawn at random."""
+    seed: Seed = 0
+    """Seed of the phases."""
+
+    @property
+    def all_phases(self) -> Array:
+        """The phases, also those that are drawn [rad]."""
+        drawn = 2 * np.pi * np.random.default_rng(self.seed).random(len(self.frequencies))
+        return drawn if self.phases is None else np.array(self.phases)
+
+
+class SequenceTable(TomlTable):
+    """A course that is a pseudo-random ternary sequence of velocities, integrated."""
+
+    size: Finite
+    """Peak-to-peak size of the sequence [unit of the signal]. A negative size gives the mirror image."""
+    interval: Annotated[Positive, Field(ge=1e-3)] = 0.25
+    """Duration of each velocity [s]."""
+
+
+class DisturbanceTable(TomlTable):
+    """A disturbance of any kind."""
+
+    kind: str
+    """Kind of the disturbance."""
+
+
+class PlaceTable(DisturbanceTable):
     """The place at which a disturbance acts: an input, any point of any body of a model, or the support surface."""
 
     input: str | None = None
@@ -86,21 +136,17 @@ class PlaceTable(TomlTable):
     vertical_rate: dict[str, Finite] = {}
     """The same share of the rate of the tilt, for outputs that are rates."""
 
-    @property
-    def placed(self) -> dict[str, Any]:
-        """The keys of the place that are given, as :class:`icmj.simulation.settings.Placed` takes them."""
+    def source(self) -> Source | None:
+        """The source that it stands for; ``None`` before code of the user's own has drawn it."""
+        return self.made(cast(type[Source], self.setting), **({"size": self.sized} if hasattr(self, "size") else {}))
+
+    def made(self, source: type[Kind], **more: Any) -> Kind:
+        """The source of this class that acts at this place, with its keys that the table has and ``more``."""
         if self.surface is not None:
             axis = self.axis or ((1.0, 0.0, 0.0) if self.surface == "translation" else (0.0, 1.0, 0.0))
             moves = "gravity" if self.surface == "tilt" else self.surface
-            return {"surface": moves, "axis": axis, "point": self.point, "on": "body"}
-        keys = ("on", "body", "force", "torque", "point")
-        return {
-            key: getattr(self, key) for key in keys if key in self.model_fields_set and getattr(self, key) is not None
-        }
-
-    def source(self) -> Source | None:
-        """The source that it stands for; ``None`` before code of the user's own has drawn it."""
-        raise NotImplementedError
+            more |= {"surface": moves, "axis": axis, "on": "body"}
+        return make(source, self, **more)
 
     def sources(self) -> Iterator[Source]:
         """The sources that it stands for: of a tilt, the angle, its acceleration, and what is read of it.
@@ -122,8 +168,10 @@ class PlaceTable(TomlTable):
         elif found is not None:
             yield found
 
-    def sized(self, size: float | None) -> float:
+    @property
+    def sized(self) -> float:
         """The size; 1 where force and torque are given and it is left out."""
+        size: float | None = getattr(self, "size", None)
         if size is None and self.body is None and self.surface is None:
             raise SimulationError("size is required")
         return 1.0 if size is None else size
@@ -132,33 +180,20 @@ class PlaceTable(TomlTable):
 _SCALES = {"deg": ("rad", np.pi / 180), "°": ("rad", np.pi / 180), "cm": ("m", 0.01), "mm": ("m", 0.001)}
 
 
+@keys_of(Sampled)
 class SampledTable(PlaceTable):
     """Values at the points of a regular grid from t = 0 on, with linear interpolation; the last value is held."""
 
     kind: Literal["sampled"]
-    """Kind of the disturbance."""
-    values: Annotated[list[Finite], Field(min_length=1, max_length=MOST_VALUES)]
-    """Values at the points of the grid [unit of the disturbed signal]. For a body, factors on force and torque."""
-    interval: Positive = GRID
-    """Distance between the points of the grid [s]. Those of several grids must be integer multiples of the shortest."""
-    start: NonNegative = 0.0
-    """Time before which the disturbance is zero [s]."""
-    output: str | None = None
-    """Name of the output whose reading is disturbed, instead of an input or body."""
     made_by: Line = ""
     """File and column from which the values were read."""
 
-    def source(self) -> Source:
-        """The source that it stands for."""
-        keys = {key: getattr(self, key) for key in ("input", "output", "interval", "start")}
-        return Sampled(values=tuple(self.values), **keys, **self.placed)
 
-
+@keys_of(Sampled, without=("values",))
 class RampTable(PlaceTable):
     """A ramp from 0 at ``start`` [s] to ``size``, linear over ``duration`` [s], and then constant."""
 
     kind: Literal["ramp"]
-    """Kind of the disturbance."""
     size: Finite | None = None
     """Value at the end of the ramp [unit of the disturbed signal]. For a body, a factor on force and torque (default:
     1)."""
@@ -168,8 +203,6 @@ class RampTable(PlaceTable):
     """Duration [s], an integer multiple of ``interval``."""
     interval: Positive = GRID
     """Distance between the points of the grid on which it starts and ends [s]."""
-    output: str | None = None
-    """Name of the output whose reading is disturbed, instead of an input or body."""
 
     def source(self) -> Source:
         """The source that it stands for."""
@@ -180,29 +213,18 @@ class RampTable(PlaceTable):
                 f"interval, {self.interval:g} s, and at most {MOST_VALUES} of them"
             )
         share = np.clip((np.arange(round(last) + 1) - round(first)) / (round(last) - round(first)), 0.0, 1.0)
-        values = tuple((self.sized(self.size) * share).tolist())
-        return Sampled(
-            input=self.input, output=self.output, values=values, interval=self.interval, **self.placed
-        )  # fmt: skip
+        return self.made(Sampled, values=tuple((self.sized * share).tolist()), start=0.0)
 
 
-class FileTable(PlaceTable):
+@keys_of(Sampled, without=("values",))
+class FileTable(ColumnTable, PlaceTable):
     """A disturbance whose values are a column of a file of time series; the log contains these values."""
 
     kind: Literal["file"]
-    """Kind of the disturbance."""
-    file: Annotated[Line, Field(min_length=1)]
-    """File of time series, relative to the run file: CSV, Parquet, npz, OpenSim's or C3D."""
-    column: Annotated[Line, Field(min_length=1)]
-    """Name of the column in the file; degrees are converted to radians, millimetres and centimetres to metres."""
-    size: Finite = 1.0
-    """Factor on the column."""
     start: NonNegative = 0.0
     """Time of the run at which the file begins [s]. Before this time, the disturbance is zero."""
     interval: Positive = GRID
     """Distance between the points at which the column is sampled, with linear interpolation between its rows [s]."""
-    output: str | None = None
-    """Name of the output whose reading is disturbed, instead of an input or body."""
 
     def source(self) -> None:
         """Nothing before the file has been read (:meth:`drawn`)."""
@@ -246,49 +268,31 @@ def read_column(what: str, path: Path, column: str) -> tuple[Array, Array, str]:
     return series.t - series.t[0], values, unit
 
 
-class SinesTable(PlaceTable):
+@keys_of(Sinusoids, without=("terms",))
+class SinesTable(HarmonicTable, PlaceTable):
     """A sum of sinusoids, Σ a cos(2πf t + φ), with given frequencies."""
 
     kind: Literal["sines"]
-    """Kind of the disturbance."""
-    size: Finite | Numbers
-    """Amplitude a: one number for all, or one for each sinusoid [unit of the disturbed signal]."""
-    frequencies: Positives
-    """Frequency f of each sinusoid [Hz]."""
-    phases: Numbers | None = None
-    """Phase φ of each sinusoid [rad]. By default, phases are drawn at random."""
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = 0
-    """Seed of the phases."""
-    output: str | None = None
-    """Name of the output whose reading is disturbed, instead of an input or body."""
 
     def source(self) -> Source:
-        count = len(self.frequencies)
-        drawn = 2 * np.pi * np.random.default_rng(self.seed).random(count)
-        phases = drawn if self.phases is None else np.array(self.phases)
+        count, phases = len(self.frequencies), self.all_phases
         size = np.atleast_1d(np.asarray(self.size, dtype=float))
         if len(phases) != count or len(size) not in (1, count):
             raise SimulationError(f"sines: {count} frequencies; expected as many phases, and one size or as many")
         terms = np.column_stack([np.broadcast_to(size, count), 2 * np.pi * np.array(self.frequencies), phases])
-        return Sinusoids(input=self.input, output=self.output, terms=tuple(map(tuple, terms.tolist())), **self.placed)
+        return self.made(Sinusoids, terms=tuple(map(tuple, terms.tolist())))
 
 
-class TernaryTable(PlaceTable):
+@keys_of(Sinusoids, without=("terms",))
+class TernaryTable(SequenceTable, PlaceTable):
     """A pseudo-random ternary sequence of velocities −v, 0, v, integrated: the sum of its lines up to ``bandwidth``.
 
     It repeats after 242 intervals. As a sum of sinusoids it is smooth, like the motion of a platform.
     """
 
     kind: Literal["ternary"]
-    """Kind of the disturbance."""
-    size: Finite
-    """Peak-to-peak size of the sequence [unit of the disturbed signal]. A negative size gives the mirror image."""
-    interval: Annotated[Positive, Field(ge=1e-3)] = 0.25
-    """Duration of each velocity [s]."""
     bandwidth: Positive | None = None
     """Highest line [Hz] (default: half of 1 / interval)."""
-    output: str | None = None
-    """Name of the output whose reading is disturbed, instead of an input or body."""
 
     def source(self) -> Source:
         highest = 0.5 / self.interval if self.bandwidth is None else self.bandwidth
@@ -299,42 +303,26 @@ class TernaryTable(PlaceTable):
             raise SimulationError(
                 f"ternary: no line up to {highest:g} Hz; the first is at {1 / 242 / self.interval:g} Hz"
             )
-        return Sinusoids(input=self.input, output=self.output, terms=tuple(map(tuple, terms.tolist())), **self.placed)
+        return self.made(Sinusoids, terms=tuple(map(tuple, terms.tolist())))
 
 
+@keys_of(Impulse)
 class ImpulseTable(PlaceTable):
     """An impulse on an input or a body: ``size`` [N m s], constant over ``duration`` [s] from ``start`` [s] on."""
 
     kind: Literal["impulse"]
-    """Kind of the disturbance."""
     size: Finite | None = None
-    """Size of the impulse [N m s, or the unit of the input times s]. For a body, a factor on force and torque (default:
-    1)."""
-    start: NonNegative = 0.0
-    """Start [s]."""
-    duration: Positive = 0.05
-    """Duration [s]."""
-
-    def source(self) -> Source:
-        """The source that it stands for."""
-        return Impulse(self.input, self.sized(self.size), self.start, self.duration, **self.placed)
 
 
+@keys_of(Step)
 class StepTable(PlaceTable):
     """A step on an input or a body: ``size`` [N m] from ``start`` [s] on."""
 
     kind: Literal["step"]
-    """Kind of the disturbance."""
     size: Finite | None = None
-    """Size of the step [N m, or the unit of the input]. For a body, a factor on force and torque (default: 1)."""
-    start: NonNegative = 0.0
-    """Start [s]."""
-
-    def source(self) -> Source:
-        """The source that it stands for."""
-        return Step(self.input, self.sized(self.size), self.start, **self.placed)
 
 
+@keys_of(Noise)
 class NoiseTable(PlaceTable):
     """Coloured noise on one input or body, or on one output as the observer reads it.
 
@@ -343,31 +331,11 @@ class NoiseTable(PlaceTable):
     """
 
     kind: Literal["noise"]
-    """Kind of the disturbance."""
     size: Positive | None = None
-    """Standard deviation [unit of the input or output]. For a body, a factor on force and torque (default: 1)."""
-    bandwidth: Positive | None = None
-    """Upper end of a flat spectrum [Hz]. Give either ``bandwidth`` or ``corner``."""
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
-    """Seed of frequencies and phases."""
-    start: NonNegative = 0.0
-    """Start [s]."""
-    output: str | None = None
-    """Name of the output whose reading is disturbed, instead of an input or body."""
-    corner: Positive | None = None
-    """Frequency at which a low-pass spectrum has fallen to half [Hz]."""
-    terms: Annotated[int, Field(ge=1)] = NOISE_TERMS
-    """Number of sinusoids of which the noise is the sum."""
-
-    def source(self) -> Source:
-        """The source that it stands for."""
-        size, edge = (
-            self.sized(self.size),
-            (self.bandwidth, self.seed, self.start, self.output, self.corner, self.terms),
-        )
-        return Noise(self.input, size, *edge, **self.placed)
+    seed: Seed
 
 
+@keys_of(Gaussian)
 class GaussianTable(PlaceTable):
     """Gaussian noise on one input or body, or on one output as the observer reads it.
 
@@ -376,51 +344,32 @@ class GaussianTable(PlaceTable):
     """
 
     kind: Literal["gaussian"]
-    """Kind of the disturbance."""
     size: Positive | None = None
-    """Standard deviation [unit of the input or output]. For a body, a factor on force and torque (default: 1)."""
     share: Positive | None = None
     """Instead of ``size``, for an ``input``: standard deviation as a share of the controller's command to it, as in
     signal-dependent motor noise. The noise is this share times the command times noise of variance one. Needs a
     controller whose command follows from a hold between events."""
-    corner: Positive | None = None
-    """Frequency at which a low-pass spectrum has fallen to half [Hz]. By default, the noise is white."""
-    interval: Positive = GRID
-    """Time between values; noise is linear between them [s]. Those of several noises must be integer multiples of the
-    shortest."""
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
-    """Seed of the values."""
-    start: NonNegative = 0.0
-    """Start [s]."""
-    output: str | None = None
-    """Name of the output whose reading is disturbed, instead of an input or body."""
+    seed: Seed
 
     def source(self) -> Source:
         """The source that it stands for."""
-        keys = ("input", "output", "corner", "interval", "seed", "start")
         if self.share is not None and self.size is not None:
             raise SimulationError("gaussian noise: give size or share, not both")
-        how: dict[str, Any] = {"share": self.share} if self.share else {"size": self.sized(self.size)}
-        return Gaussian(**how, **{key: getattr(self, key) for key in keys}, **self.placed)
+        return self.made(Gaussian, **({"share": self.share} if self.share else {"size": self.sized}))
 
 
-class BiasTable(TomlTable):
+@keys_of(Bias)
+class BiasTable(DisturbanceTable):
     """A constant error of one output as the observer reads it: ``size`` from ``start`` [s] on."""
 
     kind: Literal["bias"]
-    """Kind of the disturbance."""
-    output: str
-    """Name of the output."""
-    size: Finite
-    """Size of the error [unit of the output]."""
-    start: NonNegative = 0.0
-    """Start [s]."""
 
     def sources(self) -> Iterator[Source]:
         """The source that it stands for."""
-        yield Bias(self.output, self.size, self.start)
+        yield make(Bias, self)
 
 
+@keys_of(Sinusoids)
 class SinusoidsTable(PlaceTable):
     """A sum of sinusoids on one input or body, or on one output as the observer reads it.
 
@@ -428,21 +377,13 @@ class SinusoidsTable(PlaceTable):
     """
 
     kind: Literal["sinusoids"]
-    """Kind of the disturbance."""
-    terms: Annotated[list[Annotated[list[Finite], Field(min_length=3, max_length=5)]], Field(max_length=MOST_TERMS)]
-    """Terms [a, ω, φ] or [a, ω, φ, start, end] of a cos(ωt + φ) [unit; rad/s; rad; s]."""
-    output: str | None = None
-    """Name of the output, as the observer reads it."""
     made_by: Line = ""
     """Code that drew the terms, as ``module:name``."""
     sha256: str = ""
     """Digest of its source file."""
 
-    def source(self) -> Source:
-        """The source that it stands for."""
-        return Sinusoids(input=self.input, output=self.output, terms=tuple(map(tuple, self.terms)), **self.placed)
 
-
+@keys_of(Sinusoids, without=("terms",))
 class OwnNoiseTable(PlaceTable):
     """Noise from your own code: the ``module:name`` of a function that draws the terms of a sum of sinusoids."""
 
@@ -452,8 +393,6 @@ class OwnNoiseTable(PlaceTable):
     """The function; it receives the parameters, and ``duration`` [s] if it accepts one."""
     parameters: Parameters = {}
     """Parameters of the function, by name, including its seed."""
-    output: str | None = None
-    """Name of the output, as the observer reads it."""
 
     def source(self) -> None:
         """Nothing before its code has drawn it (:meth:`drawn`)."""
@@ -511,3 +450,53 @@ SourceTable = Annotated[
     Discriminator(_kind),
 ]
 """A disturbance of a run file, by its ``kind``."""
+
+
+@keys_of(Settings)
+class SimulationTable(TomlTable):
+    """Duration, initial state and accuracy of a run; see :class:`icmj.Settings`."""
+
+    duration: Duration = 30.0
+    disturbance: Annotated[list[SourceTable], Field(max_length=MOST_ENTRIES)] = []
+    """Disturbances."""
+
+    def settings(self) -> Settings:
+        """The settings that it stands for.
+
+        Raises:
+            SimulationError: if they do not fit together.
+        """
+        return make(Settings, self, disturbance=tuple(one for table in self.disturbance for one in table.sources()))
+
+    _fits_together = checks("settings")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_older_files(cls, data: Any) -> Any:
+        """Accepts ``native = true`` of older files; it has no effect any more."""
+        if isinstance(data, dict) and "native" in data:
+            if data["native"] is not True:
+                raise ValueError(f"native = {str(data['native']).lower()} is no longer a key: {SWITCH}")
+            return {key: value for key, value in data.items() if key != "native"}
+        return data
+
+
+class StudyTable(TomlTable):
+    """Further results that the study adds to one run, and measures of every run.
+
+    The study, and ``icmj run --study``, add clock-driven points for panel (a), the amplitude law, and a search for
+    attractors from random starts.
+    """
+
+    growth_points: Annotated[int, Field(ge=0, le=200)] = 8
+    """Number of clock-driven simulations in panel (a) of the report."""
+    law_q_t: Annotated[list[Positive], Field(max_length=MOST_ENTRIES)] = []
+    """Thresholds of the amplitude law, at least two [unit of ``controller.q_t``]."""
+    attractor_starts: Annotated[int, Field(ge=0, le=1000)] = 0
+    """Number of random starts in the search for other attractors."""
+    seed: Seed = 0
+    """Seed of these starts."""
+    magnification: Positive = 10.0
+    """Magnification of the sway in the second body of the viewer."""
+    measures: Annotated[list[Reference], Field(max_length=MOST_ENTRIES)] = []
+    """Further measures: the ``module:name`` of functions that take a simulation and return numbers by name."""
