@@ -14,11 +14,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Annotated, Literal
 
 import numpy as np
+from annotated_types import Ge, Le, Len
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, since, steps_in
+from icmj.base.array import MOST_ENTRIES, Array, Finite, Positive, Seed, since, steps_in
 from icmj.controller.design import Design, Hold
 from icmj.controller.trigger import Faces
 from icmj.errors import AnalysisError, DataError
@@ -304,14 +306,14 @@ class StepPairs:
 
 
 def double_steps(
-    isi: Sequence[float],
-    repetitions: int,
-    size: float = 1.0,
+    isi: Annotated[Sequence[Positive], Len(1, MOST_ENTRIES)],
+    repetitions: Annotated[int, Ge(1), Le(10_000)] = 5,
+    size: Finite = 1.0,
     *,
-    recovery: tuple[float, float] = (2.0, 3.0),
-    directions: Sequence[str] = ("same", "reversal"),
-    seed: int = 0,
-    start: float = 1.0,
+    recovery: tuple[Positive, Positive] = (2.0, 3.0),
+    directions: Annotated[Sequence[Literal["same", "reversal"]], Len(1, 2)] = ("same", "reversal"),
+    seed: Seed = 0,
+    start: Positive = 1.0,
 ) -> StepPairs:
     """Pairs of steps in random order, each inter-step interval and direction ``repetitions`` times.
 
@@ -319,12 +321,12 @@ def double_steps(
     at once would find no change. The magnitude of the set-point is at most three times ``size``.
 
     Args:
-        isi: inter-step intervals [s].
+        isi: inter-step intervals, from the first to the second step [s].
         repetitions: number of repetitions of each interval in each direction.
-        size: size of every first step [unit of the set-point].
-        recovery: shortest and longest time from a pair to the next [s]; the times are uniformly distributed between
-            them, so that the times of the pairs are not related to any clock.
-        directions: ``same``, ``reversal``, or both.
+        size: size of the first step of each pair [unit of the output].
+        recovery: shortest and longest time from a pair to the next [s]. Times are uniformly distributed between them,
+            so that the times of the pairs are not related to any clock.
+        directions: directions of the second step. A reversal is twice as large as the step before it.
         seed: seed of order, directions and times.
         start: time before the first pair [s].
 

@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, Literal, cast
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from icmj.base.array import MOST_ENTRIES, Array, Finite, NonNegative, Positive, Seed, instants, real
+from icmj.base.array import MOST_ENTRIES, Array, Finite, NonNegative, Positive, instants, real
 from icmj.controller.controller import Controller, Law
 from icmj.controller.delayed import Channel, DelayedPID, PredictorController, SwitchingChannels, SwitchingPD, slope_of
 from icmj.controller.design import HOLDS, Delay, Design, Hold
@@ -38,7 +38,6 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.quality import Kind
 from icmj.runfile.run_tables import ColumnTable, HarmonicTable, SequenceTable, read_column
 from icmj.runfile.table import (
-    LISTED,
     Interval,
     Line,
     Matrix,
@@ -492,22 +491,12 @@ class TernarySetpoint(SequenceTable, TargetTable):
         return ternary(self.size, self.interval, self.start, end)
 
 
+@keys_of(double_steps)
 class DoubleStepsSetpoint(TargetTable):
     """Pairs of steps of a double-step experiment, in random order; the second step goes on, or back twice as far."""
 
     kind: Literal["double-steps"]
     size: Finite
-    """Size of the first step of each pair [unit of the output]."""
-    isi: Annotated[Positives, Field(min_length=1, max_length=MOST_ENTRIES)]
-    """Inter-step intervals, from the first to the second step [s]."""
-    repetitions: Annotated[int, Field(ge=1, le=10_000)] = 5
-    """Number of repetitions of each interval in each direction."""
-    recovery: Annotated[tuple[Positive, Positive], LISTED] = (2.0, 3.0)
-    """Shortest and longest time from a pair to the next [s]. Times are uniformly distributed between them."""
-    directions: Annotated[list[Literal["same", "reversal"]], Field(min_length=1, max_length=2)] = ["same", "reversal"]
-    """Directions of the second step."""
-    seed: Seed = 0
-    """Seed of order, directions and times."""
     start: Positive = 1.0
     """Time before the first pair [s]."""
 
@@ -517,18 +506,11 @@ class DoubleStepsSetpoint(TargetTable):
         Raises:
             AnalysisError: if an interval is repeated, the size is zero, or there are too many steps.
         """
-        steps = 2 * len(self.isi) * len(self.directions) * self.repetitions
+        keys = self.model_dump()
+        steps = 2 * len(keys["isi"]) * len(keys["directions"]) * keys["repetitions"]
         if steps > MOST_STEPS:
             raise AnalysisError(f"a double-step set-point of {steps} steps; expected at most {MOST_STEPS}")
-        return double_steps(
-            self.isi,
-            self.repetitions,
-            self.size,
-            recovery=self.recovery,
-            directions=self.directions,
-            seed=self.seed,
-            start=self.start,
-        )
+        return make(double_steps, self)
 
     def terms(self, end: float) -> Array:
         return self.pairs().terms

@@ -12,11 +12,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, model_validator
 
 from icmj.base.array import MOST_ENTRIES, Finite, NonNegative, Positive
-from icmj.controller.setpoint import TERNARY_INTERVALS
+from icmj.controller.setpoint import TERNARY_INTERVALS, double_steps
 from icmj.errors import RunFileError
 from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
-from icmj.runfile.table import LISTED, Interval, Line, Name, Positives, TomlTable
+from icmj.runfile.table import LISTED, Interval, Line, Name, Positives, TomlTable, keys_of
 from icmj.work.own_code import EXPERIMENTS
 
 _Rate = Annotated[Positive, Field(ge=1.0, le=1e5)]
@@ -173,6 +173,7 @@ class PerturbedStanceTable(TomlTable):
         return self
 
 
+@keys_of(double_steps, without=("seed", "start"))
 class DoubleStepTable(TomlTable):
     """Double steps: pairs of steps of a set-point, in random order."""
 
@@ -183,15 +184,11 @@ class DoubleStepTable(TomlTable):
     unit: Line = ""
     """Unit of a combination."""
     size: Positive
-    """Size of the first step of each pair [unit of the output]."""
     isi: Annotated[Positives, Field(min_length=3, max_length=MOST_ENTRIES)]
-    """Inter-step intervals [s]."""
     repetitions: Annotated[int, Field(ge=1, le=10_000)] = 5
     """Number of repetitions of each interval in each direction, in one trial."""
     directions: Annotated[list[Literal["same", "reversal"]], Field(min_length=1, max_length=2)] = ["same", "reversal"]
-    """Directions of the second step. A reversal is twice as large as the step before it."""
     recovery: Annotated[tuple[Positive, Positive], LISTED] = (2.0, 3.0)
-    """Shortest and longest time from a pair to the next [s]."""
     rate: _Rate = 100.0
     """Sampling rate [Hz]."""
     latest: Positive = 1.0

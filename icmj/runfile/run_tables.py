@@ -12,7 +12,7 @@ The tables of disturbances that are sums of chosen sinusoids: some, or those of 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, cast
 
@@ -138,9 +138,11 @@ class PlaceTable(DisturbanceTable):
 
     def source(self) -> Source | None:
         """The source that it stands for; ``None`` before code of the user's own has drawn it."""
-        return self.made(cast(type[Source], self.setting), **({"size": self.sized} if hasattr(self, "size") else {}))
+        return self.made(
+            cast(Callable[..., Source], self.setting), **({"size": self.sized} if hasattr(self, "size") else {})
+        )
 
-    def made(self, source: type[Kind], **more: Any) -> Kind:
+    def made(self, source: Callable[..., Kind], **more: Any) -> Kind:
         """The source of this class that acts at this place, with its keys that the table has and ``more``."""
         if self.surface is not None:
             axis = self.axis or ((1.0, 0.0, 0.0) if self.surface == "translation" else (0.0, 1.0, 0.0))

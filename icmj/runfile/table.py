@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, fields, is_dataclass
 from datetime import date, time
-from inspect import cleandoc
+from inspect import cleandoc, signature
 from types import NoneType, UnionType
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -321,10 +321,11 @@ class TomlTable(BaseModel):
     Types are those of TOML: a whole number is a number, too, but neither truth nor text is.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    # built when they are first read: most tables are read as parts of others alone
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True)
 
-    setting: ClassVar[type | None] = None
-    """The dataclass whose fields are keys of the table, if there is one."""
+    setting: ClassVar[Callable[..., Any] | None] = None
+    """The dataclass, or the function, whose parameters are keys of the table, if there is one."""
 
 
 Table = TypeVar("Table", bound=TomlTable)
@@ -332,27 +333,29 @@ Made = TypeVar("Made")
 
 
 def keys_of(
-    setting: type, *, without: Sequence[str] = (), optional: bool = False
+    setting: Callable[..., Any], *, without: Sequence[str] = (), optional: bool = False
 ) -> Callable[[type[Table]], type[Table]]:
-    """Decorator of a table: the fields of a dataclass are its keys, too, with their bounds, defaults and meanings.
+    """Decorator of a table: what a setting is made of are its keys, too, with their bounds, defaults and meanings.
 
     Args:
-        setting: the dataclass. What the table declares itself is as the table has it.
-        without: fields that no file has.
+        setting: a dataclass, or a function. What the table declares itself is as the table has it.
+        without: parameters that no file has.
         optional: whether each key may be left out, and is then ``None``.
     """
 
     def decorate(table: type[Table]) -> type[Table]:
-        hints = get_type_hints(setting, include_extras=True)
-        keys: dict[str, Any] = {}
-        for field in fields(setting):
-            if field.name not in (*table.model_fields, *without):
-                hint, default = _as_read(hints[field.name]), ... if field.default is MISSING else field.default
-                default = default if field.default_factory is MISSING else field.default_factory()
-                keys[field.name] = (hint | None, None) if optional else (hint, default)
-        made = create_model(table.__name__, __base__=table, __module__=table.__module__, __doc__=table.__doc__, **keys)
-        made.setting = setting
-        return made
+        hints, keys = get_type_hints(setting, include_extras=True), dict[str, Any]()
+        made = {field.name: field.default_factory for field in fields(setting)} if is_dataclass(setting) else {}
+        for name, parameter in signature(setting).parameters.items():
+            if name not in (*table.model_fields, *without):
+                hint, default = _as_read(hints[name]), parameter.default
+                if (factory := made.get(name, MISSING)) is not MISSING:
+                    default = factory()
+                default = list(default) if isinstance(default, tuple) and _is_list(hint) else default
+                keys[name] = (hint | None, None) if optional else (hint, ... if default is parameter.empty else default)
+        whole = create_model(table.__name__, __base__=table, __module__=table.__module__, __doc__=table.__doc__, **keys)
+        whole.setting = setting
+        return whole
 
     return decorate
 
@@ -371,9 +374,9 @@ def _as_read(hint: Any) -> Any:
     return dict[inside[0], _as_read(inside[1])] if origin is Mapping else hint  # type: ignore[misc, valid-type]
 
 
-def make(setting: type[Made], table: TomlTable, **more: Any) -> Made:
-    """The setting that a table stands for: of its keys of these names that have a value, and of ``more``."""
-    given = {field.name: getattr(table, field.name, None) for field in fields(setting)}  # type: ignore[arg-type]
+def make(setting: Callable[..., Made], table: TomlTable, **more: Any) -> Made:
+    """What a table stands for: made of its keys that have a value, and of ``more``."""
+    given = {name: getattr(table, name, None) for name in signature(setting).parameters}
     plain = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
     return setting(**{key: value for key, value in plain.items() if value is not None} | more)
 
@@ -391,13 +394,13 @@ def checks(method: str) -> Any:
     return model_validator(mode="after")(check)
 
 
-def meanings(setting: type) -> dict[str, str]:
-    """What the docstring of a dataclass, and of those that it inherits from, says of each field."""
+def meanings(setting: Callable[..., Any]) -> dict[str, str]:
+    """What the docstring of a setting, and of those that it inherits from, says of each parameter."""
     found: dict[str, str] = {}
-    for cls in reversed(setting.__mro__):
-        said = re.search(r"^Attributes:\n((?: {4}.*\n)*)", f"{cleandoc(cls.__doc__ or '')}\n", re.MULTILINE)
+    for cls in reversed(getattr(setting, "__mro__", (setting,))):
+        said = re.search(r"^(?:Attributes|Args):\n((?: {4}.*\n)*)", f"{cleandoc(cls.__doc__ or '')}\n", re.MULTILINE)
         for names, words in re.findall(r"^ {4}(\w[\w, ]*): (.*(?:\n {5,}.*)*)", said[1] if said else "", re.MULTILINE):
             text = " ".join(words.split())
-            symbol = not re.match("[a-z]{2,}[ ,;]|a ", text)
+            symbol = not re.match("[a-z]{2,}[ ,;-]|a ", text)
             found |= dict.fromkeys(names.split(", "), text if symbol else text[0].upper() + text[1:])
     return found

@@ -250,7 +250,7 @@ class Gaussian(Gridded):
     """Gaussian noise on a regular time grid, in the same places as :class:`Noise`, for fits and for runs of any length.
 
     At the points of the grid its distribution is exact; between them it is linear. The place, ``interval`` and
-    ``start`` are those of :class:`Gridded`.
+    ``start`` are those of :class:`icmj.simulation.settings.Gridded`.
 
     Attributes:
         size: standard deviation at the points of the grid [unit of the input or output]. For a body, a factor on force
@@ -288,7 +288,7 @@ class Gaussian(Gridded):
 class Sampled(Gridded):
     """A disturbance of any course, by its values: a ramp, or a recording; in the same places as :class:`Noise`.
 
-    The place, ``interval`` and ``start`` are those of :class:`Gridded`.
+    The place, ``interval`` and ``start`` are those of :class:`icmj.simulation.settings.Gridded`.
 
     Attributes:
         values: values at the points of the grid [unit of the disturbed signal]. After the last point, its value is

@@ -284,17 +284,11 @@ class DoubleStepKind(Kind):
     settings: DoubleStepTable
 
     def stimulate(self, run: RunFile, seed: int) -> RunFile:
-        table = self.settings
-        steps = DoubleStepsSetpoint(
-            kind="double-steps",
-            **({"combination": table.combination, "name": COMBINED} if table.combination else {"output": table.output}),
-            unit=table.unit,
-            size=table.size,
-            isi=table.isi,
-            repetitions=table.repetitions,
-            recovery=table.recovery,
-            directions=table.directions,
-            seed=seed,
+        table, keys = self.settings, set(DoubleStepsSetpoint.model_fields)
+        steps = DoubleStepsSetpoint.model_validate(
+            table.model_dump(include=keys, exclude_defaults=True)
+            | {"kind": "double-steps", "seed": seed}
+            | ({"name": COMBINED} if table.combination else {})
         )
         kept = [one.model_dump(exclude_defaults=True, exclude_none=True) for one in run.setpoint]
         moved = run.with_(
