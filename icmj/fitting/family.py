@@ -2,13 +2,11 @@
 
 The prior: what is known of a family's numbers before a recording is seen.
 
-Each number is a rising function of a standard normal variable z of its own, so that whatever is said of z keeps the
-number's bounds. Inference sees z alone.
+Inference sees z alone, of which each number is a rising function (:class:`icmj.runfile.sweep_tables.PriorTable`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -27,72 +25,9 @@ from icmj.linear.run import simulate
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant, match_ports
 from icmj.runfile.schema import RunFile
-from icmj.runfile.sweep_tables import PRESSURE, FamilyFile, ParameterTable, PriorTable, load_family_file
+from icmj.runfile.sweep_tables import PRESSURE, FamilyFile, ParameterTable, load_family_file
 from icmj.simulation.settings import Settings, reseeded, start_states
 from icmj.work.folder import fingerprint_of
-
-_FAR = 7.5  # |z| up to which its share of the distribution is told from 0 and 1
-
-
-@dataclass(frozen=True)
-class Distribution:
-    """The distribution of one number.
-
-    Attributes:
-        log: whether it is that of the natural logarithm.
-        low, high: bounds, of the logarithm where ``log``; infinite where there are none.
-        median, deviation: of the normal distribution that is cut there; ``None`` for the uniform one.
-    """
-
-    log: bool
-    low: float
-    high: float
-    median: float | None = None
-    deviation: float | None = None
-
-    @classmethod
-    def of(cls, table: PriorTable) -> Distribution:
-        """The distribution that a family file says."""
-        log = table.kind.startswith("log")
-
-        def taken(value: float | None, none: float) -> float:
-            return none if value is None else float(np.log(value) if log else value)
-
-        median = None if table.median is None else taken(table.median, 0.0)
-        return cls(log, taken(table.low, -np.inf), taken(table.high, np.inf), median, table.deviation)
-
-    def to_normal(self, theta: ArrayLike) -> Array:
-        """z of numbers, at most ±7.5; NaN of what lies beyond the bounds."""
-        from scipy.special import ndtr, ndtri
-
-        with np.errstate(invalid="ignore", divide="ignore"):
-            value = np.log(theta) if self.log else np.asarray(theta, dtype=float)
-        reach = 1e-9 * (1 + np.abs(value))
-        inside = (value >= self.low - reach) & (value <= self.high + reach)
-        if self.median is None or self.deviation is None:
-            share = (value - self.low) / (self.high - self.low)
-        else:
-            a, b = ndtr(self._ends)
-            share = (ndtr((value - self.median) / self.deviation) - a) / (b - a)
-        return np.where(inside, np.clip(ndtri(np.clip(share, 0.0, 1.0)), -_FAR, _FAR), np.nan)
-
-    def from_normal(self, z: ArrayLike) -> Array:
-        """The numbers of z."""
-        from scipy.special import ndtr, ndtri
-
-        share = ndtr(np.clip(np.asarray(z, dtype=float), -_FAR, _FAR))
-        if self.median is None or self.deviation is None:
-            value = self.low + (self.high - self.low) * share
-        else:
-            a, b = ndtr(self._ends)
-            value = np.clip(self.median + self.deviation * ndtri(a + (b - a) * share), self.low, self.high)
-        return np.asarray(np.exp(value) if self.log else value)
-
-    @property
-    def _ends(self) -> Array:
-        assert self.median is not None
-        assert self.deviation is not None
-        return (np.array([self.low, self.high]) - self.median) / self.deviation
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,30 +35,28 @@ class Prior:
     """The prior of p numbers, independent of each other.
 
     Attributes:
-        names, units, titles: of the numbers, length p.
-        sources: where what is known of each comes from.
-        distributions: of each.
+        parameters: what a family file says of each.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    titles: tuple[str, ...]
-    sources: tuple[str, ...]
-    distributions: tuple[Distribution, ...]
+    parameters: tuple[ParameterTable, ...]
 
-    @classmethod
-    def of(cls, tables: Sequence[ParameterTable]) -> Prior:
-        """The prior that a family file says."""
-        return cls(
-            tuple(table.name for table in tables),
-            tuple(table.unit for table in tables),
-            tuple(table.title or table.name for table in tables),
-            tuple(table.source for table in tables),
-            tuple(Distribution.of(table.prior) for table in tables),
-        )
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(table.name for table in self.parameters)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Their units."""
+        return tuple(table.unit for table in self.parameters)
+
+    @property
+    def titles(self) -> tuple[str, ...]:
+        """What they are, in words."""
+        return tuple(table.title or table.name for table in self.parameters)
 
     def __len__(self) -> int:
-        return len(self.names)
+        return len(self.parameters)
 
     def draw(self, n: int, seed: int = 0, first: int = 0) -> Array:
         """Numbers of ``n`` people, the ``first`` one and those that follow, shape (n, p); each by its number alone."""
@@ -137,7 +70,8 @@ class Prior:
             FitError: if one lies where the prior has nothing.
         """
         given = self._given(theta)
-        z = np.column_stack([of.to_normal(column) for of, column in zip(self.distributions, given.T, strict=True)])
+        each = zip(self.parameters, given.T, strict=True)
+        z = np.column_stack([table.prior.to_normal(column) for table, column in each])
         wrong = np.argwhere(~np.isfinite(z))
         if len(wrong):
             row, column = wrong[0]
@@ -146,8 +80,8 @@ class Prior:
 
     def from_normal(self, z: ArrayLike) -> Array:
         """Numbers of z, shape (n, p)."""
-        given = self._given(z)
-        return np.column_stack([of.from_normal(column) for of, column in zip(self.distributions, given.T, strict=True)])
+        each = zip(self.parameters, self._given(z).T, strict=True)
+        return np.column_stack([table.prior.from_normal(column) for table, column in each])
 
     def _given(self, values: ArrayLike) -> Array:
         given = np.asarray(values, dtype=float)
@@ -316,6 +250,6 @@ def load_family(path: Path | str, *, allow_code: bool = False) -> Family:
         RunFileError: one line that names the file, the line or key, and what was expected.
     """
     file = load_family_file(path, allow_code=allow_code)
-    family = Family(file, Prior.of(file.parameter))
+    family = Family(file, Prior(tuple(file.parameter)))
     family.member(family.prior.from_normal(np.zeros((1, len(family.prior))))[0])  # what cannot be is told at once
     return family

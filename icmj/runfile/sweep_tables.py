@@ -15,14 +15,16 @@ import ast
 import inspect
 import re
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, StringConstraints, ValidationError, model_validator
 
 from icmj.base import VERSION
-from icmj.base.array import MOST_ENTRIES, Finite, Positive, Seed
+from icmj.base.array import MOST_ENTRIES, Array, Finite, Positive, Seed
 from icmj.errors import RunFileError
 from icmj.plant.body import What
 from icmj.runfile.experiment_tables import ExperimentFile
@@ -280,6 +282,7 @@ def parse_facts(content: bytes) -> Facts:
         raise ValueError(f"{where}: {first['msg']}" if where else first["msg"]) from error
 
 
+_FAR = 7.5  # |z| up to which its share of the distribution is told from 0 and 1
 PRESSURE = "pressure.torque."
 """Begins a key that is a weight of the centre of pressure and none of the run file."""
 
@@ -307,7 +310,10 @@ class PressureTable(TomlTable):
 
 
 class PriorTable(TomlTable):
-    """Prior distribution of a parameter, before recordings are taken into account."""
+    """Prior distribution of a parameter, before recordings are taken into account.
+
+    The parameter is a rising function of a standard normal variable z, so that whatever is said of z keeps its bounds.
+    """
 
     kind: Literal["uniform", "log-uniform", "normal", "log-normal"]
     """Kind of distribution. For ``log-uniform`` and ``log-normal``, the logarithm is uniform or normal."""
@@ -338,6 +344,41 @@ class PriorTable(TomlTable):
         if log and any(value is not None and value <= 0 for value in (self.low, self.high, self.median)):
             raise ValueError(f"a {self.kind} prior is of positive numbers")
         return self
+
+    def to_normal(self, theta: ArrayLike) -> Array:
+        """z of values of the parameter, at most ±7.5; NaN of those beyond its bounds."""
+        from scipy.special import ndtr, ndtri
+
+        low, high, median = self._scaled
+        with np.errstate(invalid="ignore", divide="ignore"):
+            value = np.log(theta) if self.kind.startswith("log") else np.asarray(theta, dtype=float)
+        reach = 1e-9 * (1 + np.abs(value))
+        inside = (value >= low - reach) & (value <= high + reach)
+        if self.deviation is None:
+            share = (value - low) / (high - low)
+        else:
+            a, b = ndtr((np.array([low, high]) - median) / self.deviation)
+            share = (ndtr((value - median) / self.deviation) - a) / (b - a)
+        return np.where(inside, np.clip(ndtri(np.clip(share, 0.0, 1.0)), -_FAR, _FAR), np.nan)
+
+    def from_normal(self, z: ArrayLike) -> Array:
+        """The values of the parameter that have these z."""
+        from scipy.special import ndtr, ndtri
+
+        low, high, median = self._scaled
+        share = ndtr(np.clip(np.asarray(z, dtype=float), -_FAR, _FAR))
+        if self.deviation is None:
+            value = low + (high - low) * share
+        else:
+            a, b = ndtr((np.array([low, high]) - median) / self.deviation)
+            value = np.clip(median + self.deviation * ndtri(a + (b - a) * share), low, high)
+        return np.asarray(np.exp(value) if self.kind.startswith("log") else value)
+
+    @property
+    def _scaled(self) -> Iterator[float]:
+        """Low, high and median, or their logarithms; infinite where there is no bound."""
+        for value, none in ((self.low, -np.inf), (self.high, np.inf), (self.median, 0.0)):
+            yield none if value is None else float(np.log(value)) if self.kind.startswith("log") else value
 
 
 class ParameterTable(TomlTable):

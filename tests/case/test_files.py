@@ -104,7 +104,7 @@ def folder(tmp_path: Path) -> Path:
 
 def of_family(folder: Path) -> str:
     file = load_family_file(folder / "family.toml", allow_code=True)
-    return Family(file, Prior.of(file.parameter)).fingerprint
+    return Family(file, Prior(tuple(file.parameter))).fingerprint
 
 
 MARKS: dict[str, Callable[[Path], str]] = {

@@ -5,8 +5,8 @@ import pytest
 from scipy import stats
 
 from icmj.errors import FitError
-from icmj.fitting.family import Distribution, Prior
-from icmj.runfile.sweep_tables import PriorTable
+from icmj.fitting.family import Prior
+from icmj.runfile.sweep_tables import ParameterTable, PriorTable
 
 CUT = stats.truncnorm(-0.5, 2.0, loc=0.3, scale=0.1)
 LOG_CUT = stats.truncnorm(-1.0, 2.0, loc=np.log(2e-3), scale=0.7)
@@ -29,9 +29,15 @@ CASES = {
 }
 
 
+def prior_of(**tables: dict) -> Prior:
+    """The prior of parameters of these names."""
+    each = ({"name": name, "keys": {"actual.gain": 1.0}, "source": "ours", "prior": of} for name, of in tables.items())
+    return Prior(tuple(ParameterTable(**table) for table in each))
+
+
 @pytest.mark.parametrize(("table", "quantile"), CASES.values(), ids=CASES)
 def test_a_number_is_the_quantile_of_its_z(table, quantile):
-    of = Distribution.of(PriorTable(**table))
+    of = PriorTable(**table)
     p = np.array([1e-4, 0.01, 0.2, 0.5, 0.9, 0.999])
     z = stats.norm.ppf(p)
     np.testing.assert_allclose(of.from_normal(z), quantile(p), rtol=1e-9)
@@ -39,8 +45,7 @@ def test_a_number_is_the_quantile_of_its_z(table, quantile):
 
 
 def test_draws_are_of_the_prior_and_of_their_number_alone():
-    names, tables = ("a", "b"), (CASES["log-uniform"][0], CASES["cut"][0])
-    prior = Prior(names, ("", ""), names, ("", ""), tuple(Distribution.of(PriorTable(**t)) for t in tables))
+    prior = prior_of(a=CASES["log-uniform"][0], b=CASES["cut"][0])
     theta = prior.draw(2000, seed=3)
     assert stats.kstest(theta[:, 0], stats.loguniform(1e-4, 1e-1).cdf).pvalue > 1e-3
     assert stats.kstest(theta[:, 1], CUT.cdf).pvalue > 1e-3
@@ -50,12 +55,12 @@ def test_draws_are_of_the_prior_and_of_their_number_alone():
 
 def test_beyond_its_bounds_there_is_no_number_whatever_z_says():
     for table, _ in CASES.values():
-        of = Distribution.of(PriorTable(**table))
+        of = PriorTable(**table)
         far = of.from_normal(np.array([-1e9, 1e9]))
         assert np.isfinite(far).all()
         assert table.get("low", -np.inf) <= far[0] + 1e-12
         assert far[1] <= table.get("high", np.inf) + 1e-12
-    prior = Prior(("a",), ("",), ("a",), ("",), (Distribution.of(PriorTable(**CASES["uniform"][0])),))
+    prior = prior_of(a=CASES["uniform"][0])
     with pytest.raises(FitError, match=r"a = 3\.1 lies outside its prior"):
         prior.to_normal([[3.1]])
     with pytest.raises(FitError, match=r"shape \(2,\); expected \(n, 1\): a"):

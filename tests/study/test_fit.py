@@ -15,9 +15,10 @@ from icmj.errors import FitError
 from icmj.fitting import choice, network, posterior
 from icmj.fitting import posterior as calibration
 from icmj.fitting.bank import Bank
-from icmj.fitting.family import Distribution, Prior, load_family
+from icmj.fitting.family import Prior, load_family
 from icmj.fitting.network import SeenSummaries
 from icmj.fitting.recordings import SUMMARIES, summarise
+from icmj.runfile.sweep_tables import ParameterTable, PriorTable
 from icmj.study import fit as families_module
 from icmj.study import fit as fits
 from icmj.study import fit_page
@@ -25,11 +26,16 @@ from icmj.study.fit import Subject, fit, train_family
 from icmj.study.fit_page import write_fit
 
 PRIOR = Prior(
-    ("size", "corner", "idle"),
-    ("m", "Hz", ""),
-    ("size", "corner", "idle"),
-    ("ours",) * 3,
-    tuple(Distribution(True, np.log(low), np.log(high)) for low, high in ((1e-3, 1e-2), (0.1, 1.0), (0.1, 1.0))),
+    tuple(
+        ParameterTable(
+            name=name,
+            unit=unit,
+            keys={name: 1.0},
+            source="ours",
+            prior=PriorTable(kind="log-uniform", low=low, high=high),
+        )
+        for name, unit, low, high in (("size", "m", 1e-3, 1e-2), ("corner", "Hz", 0.1, 1.0), ("idle", "", 0.1, 1.0))
+    )
 )
 
 
