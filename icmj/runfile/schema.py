@@ -31,7 +31,7 @@ from icmj.plant.body import Activation, Person
 from icmj.runfile.control_tables import Analysis, AnyController, Control, SetpointTable, Weights, find_files
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
 from icmj.runfile.run_tables import SimulationTable, StudyTable, draw_tables
-from icmj.runfile.table import CHOICE, Line, TomlTable, in_words
+from icmj.runfile.table import CHOICE, Line, Name, TomlTable, in_words
 from icmj.work.own_code import MODELS, Code
 
 Place = tuple[str | int, ...]
@@ -235,7 +235,7 @@ class Paper(TomlTable):
 class Identity(TomlTable):
     """Name and title of the case."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
+    name: Name
     """Short name without blanks; also the name of the log."""
     title: Line
     """Title in tables and figures."""

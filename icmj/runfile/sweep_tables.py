@@ -46,7 +46,7 @@ _Word = Annotated[str, StringConstraints(max_length=300, pattern=r"^[^\x00-\x1f\
 class SweepTable(TomlTable):
     """Name and title of the sweep, its run file, and how samples are drawn."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=80)]
+    name: Name
     """Name of the sweep and of its folder."""
     title: Line = ""
     """Title in tables and figures (default: the title of the case, and what varies)."""
@@ -505,7 +505,7 @@ def _describe(record: dict[str, Any], model: type[BaseModel]) -> None:
 def docstrings(model: type[BaseModel]) -> dict[str, str]:
     """The meaning of the keys of a table, by key: the docstrings under them, or those of its setting."""
     setting = getattr(model, "setting", None)
-    found = {key: words for key, words in meanings(setting).items() if key in model.model_fields} if setting else {}
+    found = meanings(setting) if setting else {}
     for cls in reversed(model.__mro__):
         if not cls.__module__.startswith("icmj."):
             continue
@@ -516,4 +516,4 @@ def docstrings(model: type[BaseModel]) -> dict[str, str]:
                 continue
             if isinstance(said, ast.Expr) and isinstance(said.value, ast.Constant):
                 found[key.target.id] = " ".join(str(said.value.value).split())
-    return found
+    return {key: words for key, words in found.items() if key in model.model_fields}
