@@ -30,27 +30,18 @@ Value = Any
 class Points:
     """Listed fields as a grid, the last one running fastest; around it, slowest, the samples of those that are drawn.
 
+    Samples are drawn as a scrambled Sobol sequence (`scipy.stats.qmc`) or at random (Philox, the index is its counter).
+
     Attributes:
-        vary: what varies, in the order of the file.
-        samples: how many are drawn; 1 where nothing is.
-        method: ``sobol`` (scrambled, `scipy.stats.qmc`) or ``random`` (Philox, the index is its counter).
-        seed: of both.
+        file: the sweep file, which says what varies and how it is drawn.
     """
 
-    vary: tuple[VaryTable, ...]
-    samples: int
-    method: str
-    seed: int
-
-    @classmethod
-    def of(cls, file: SweepFile) -> Points:
-        """The points of a sweep file."""
-        return cls(tuple(file.vary), file.sweep.samples or 1, file.sweep.method, file.sweep.seed)
+    file: SweepFile
 
     @cached_property
     def lists(self) -> tuple[tuple[Value, ...] | None, ...]:
-        """The values of each field; ``None`` where they are drawn."""
-        return tuple(None if vary.sampled else _listed(vary) for vary in self.vary)
+        """The values of each field, in the order of the file; ``None`` where they are drawn."""
+        return tuple(None if vary.sampled else _listed(vary) for vary in self.file.vary)
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
@@ -60,10 +51,10 @@ class Points:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the columns that vary."""
-        return tuple(vary.column for vary in self.vary)
+        return tuple(vary.column for vary in self.file.vary)
 
     def __len__(self) -> int:
-        return self._grid * self.samples
+        return self._grid * (self.file.sweep.samples or 1)
 
     @property
     def _grid(self) -> int:
@@ -100,10 +91,10 @@ class Points:
 
     def _draw(self, start: int, stop: int) -> Array:
         """Sampled values, shape (stop − start, sampled fields)."""
-        fields = [vary for vary in self.vary if vary.sampled]
+        sweep, fields = self.file.sweep, [vary for vary in self.file.vary if vary.sampled]
         if not fields:
             return np.zeros((stop - start, 0))
-        uniform = (_sobol if self.method == "sobol" else _random)(len(fields), self.seed, start, stop)
+        uniform = (_sobol if sweep.method == "sobol" else _random)(len(fields), sweep.seed, start, stop)
         return np.column_stack([_between(vary, column) for vary, column in zip(fields, uniform.T, strict=True)])
 
 
@@ -185,7 +176,7 @@ class Plan:
         Raises:
             RunFileError: if there are too many points, or a value is not allowed where it is put.
         """
-        points = Points.of(file)
+        points = Points(file)
         if len(points) > 10**9:
             raise RunFileError(f"{file.path}: {len(points):.3g} points; expected at most 1e9")
         largest = _LARGEST[bool(file.ask.motion or file.ask.attractors or file.ask.cycle)]
@@ -214,7 +205,7 @@ class Plan:
         """
         changes: dict[str, Any] = {}
         deviations: list[dict[str, Any]] = []
-        for vary, value in zip(self.points.vary, values, strict=True):
+        for vary, value in zip(self.file.vary, values, strict=True):
             changes |= dict.fromkeys(vary.fields, value)
             if vary.change is not None:
                 of = {} if vary.change.of is None else {"of": vary.change.of}
@@ -274,7 +265,7 @@ class Plan:
     def _check_values(self) -> None:
         """Check that every value is allowed in its field, one field at a time."""
         middle = list(self.points.at(0))
-        for i, (vary, listed) in enumerate(zip(self.points.vary, self.points.lists, strict=True)):
+        for i, (vary, listed) in enumerate(zip(self.file.vary, self.points.lists, strict=True)):
             for value in (vary.low, vary.high) if listed is None else _thin(listed):
                 try:
                     self.run((*middle[:i], value, *middle[i + 1 :]))

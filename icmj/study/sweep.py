@@ -150,9 +150,9 @@ def resume_sweep(path: Path | str | None, plan: Plan) -> Iterator[tuple[Dataset,
     more = {
         "name": file.sweep.name,
         "title": file.sweep.title or one_line(f"{base.case.title}, over {', '.join(plan.points.names)}", 200),
-        "seed": plan.points.seed,
+        "seed": plan.file.sweep.seed,
         "varies": list(plan.points.names),
-        "fields": [vary.fields[0] if vary.fields else "" for vary in plan.points.vary],
+        "fields": [vary.fields[0] if vary.fields else "" for vary in plan.file.vary],
         "outputs": list(plan.outputs),
         **({"code": dict(plan.code)} if plan.code else {}),
         "measures": list(plan.measures),
@@ -271,7 +271,7 @@ def _units(case: Case, plan: Plan) -> dict[str, str]:
     plant = case.actual.linearisation.plant
     states = dict(zip(plant.states, plant.state_units, strict=False))
     found = dict(zip(plant.outputs, plant.output_units, strict=False))
-    for name, vary in zip(plan.points.names, plan.points.vary, strict=True):
+    for name, vary in zip(plan.points.names, plan.file.vary, strict=True):
         key = vary.fields[0] if vary.fields else ""
         where, _, last = key.rpartition(".")
         if where in ("simulation.initial", "simulation.observer"):

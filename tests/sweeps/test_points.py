@@ -35,7 +35,7 @@ values = [0, 0.5, 1]
 
 def points(tmp_path: Path, vary: str, **more: object) -> Points:
     lines = "\n".join(f"{key} = {value!r}".replace("'", '"') for key, value in more.items())
-    return Points.of(load_sweep(sweep_file(tmp_path, vary, more=lines)))
+    return Points(load_sweep(sweep_file(tmp_path, vary, more=lines)))
 
 
 def test_a_grid_is_the_product_of_its_lists_the_last_fastest(tmp_path: Path) -> None:
