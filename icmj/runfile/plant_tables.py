@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from icmj.base.array import Finite, NonNegative
 from icmj.plant.body import Activation, Change, OperatingKind, OperatingRule, Person, Segment, Selection
-from icmj.runfile.table import CHOICE, Matrix, Numbers, Parameters, Reference, TomlTable, checks, keys_of, make
+from icmj.runfile.table import CHOICE, Matrix, Numbers, Parameters, Reference, TomlTable, check_by, keys_of, make
 
 LETTERS = ("A", "B", "C")
 
@@ -102,7 +102,7 @@ class ActivationTable(TomlTable):
         """
         return make(Activation, self)
 
-    _is_one = checks("activation")
+    _is_one = check_by("activation")
 
 
 class PlantTable(MatrixTable):
@@ -195,7 +195,7 @@ class ChangeTable(TomlTable):
         """
         return make(Change, self)
 
-    _is_one = checks("change")
+    _is_one = check_by("change")
 
 
 class Actual(PlantTable):

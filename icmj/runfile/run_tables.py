@@ -31,7 +31,7 @@ from icmj.runfile.table import (
     Positives,
     Reference,
     TomlTable,
-    checks,
+    check_by,
     keys_of,
     make,
     short,
@@ -138,11 +138,11 @@ class PlaceTable(DisturbanceTable):
 
     def source(self) -> Source | None:
         """The source that it stands for; ``None`` before code of the user's own has drawn it."""
-        return self.made(
+        return self.make_source(
             cast(Callable[..., Source], self.setting), **({"size": self.sized} if hasattr(self, "size") else {})
         )
 
-    def made(self, source: Callable[..., Kind], **more: Any) -> Kind:
+    def make_source(self, source: Callable[..., Kind], **more: Any) -> Kind:
         """The source of this class that acts at this place, with its keys that the table has and ``more``."""
         if self.surface is not None:
             axis = self.axis or ((1.0, 0.0, 0.0) if self.surface == "translation" else (0.0, 1.0, 0.0))
@@ -215,7 +215,7 @@ class RampTable(PlaceTable):
                 f"interval, {self.interval:g} s, and at most {MOST_VALUES} of them"
             )
         share = np.clip((np.arange(round(last) + 1) - round(first)) / (round(last) - round(first)), 0.0, 1.0)
-        return self.made(Sampled, values=tuple((self.sized * share).tolist()), start=0.0)
+        return self.make_source(Sampled, values=tuple((self.sized * share).tolist()), start=0.0)
 
 
 @keys_of(Sampled, without=("values",))
@@ -282,7 +282,7 @@ class SinesTable(HarmonicTable, PlaceTable):
         if len(phases) != count or len(size) not in (1, count):
             raise SimulationError(f"sines: {count} frequencies; expected as many phases, and one size or as many")
         terms = np.column_stack([np.broadcast_to(size, count), 2 * np.pi * np.array(self.frequencies), phases])
-        return self.made(Sinusoids, terms=tuple(map(tuple, terms.tolist())))
+        return self.make_source(Sinusoids, terms=tuple(map(tuple, terms.tolist())))
 
 
 @keys_of(Sinusoids, without=("terms",))
@@ -305,7 +305,7 @@ class TernaryTable(SequenceTable, PlaceTable):
             raise SimulationError(
                 f"ternary: no line up to {highest:g} Hz; the first is at {1 / 242 / self.interval:g} Hz"
             )
-        return self.made(Sinusoids, terms=tuple(map(tuple, terms.tolist())))
+        return self.make_source(Sinusoids, terms=tuple(map(tuple, terms.tolist())))
 
 
 @keys_of(Impulse)
@@ -357,7 +357,7 @@ class GaussianTable(PlaceTable):
         """The source that it stands for."""
         if self.share is not None and self.size is not None:
             raise SimulationError("gaussian noise: give size or share, not both")
-        return self.made(Gaussian, **({"share": self.share} if self.share else {"size": self.sized}))
+        return self.make_source(Gaussian, **({"share": self.share} if self.share else {"size": self.sized}))
 
 
 @keys_of(Bias)
@@ -470,7 +470,7 @@ class SimulationTable(TomlTable):
         """
         return make(Settings, self, disturbance=tuple(one for table in self.disturbance for one in table.sources()))
 
-    _fits_together = checks("settings")
+    _fits_together = check_by("settings")
 
     @model_validator(mode="before")
     @classmethod

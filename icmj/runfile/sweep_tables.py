@@ -30,7 +30,7 @@ from icmj.plant.body import What
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
-from icmj.runfile.table import Line, Name, TomlTable, meanings
+from icmj.runfile.table import Line, Name, TomlTable, read_meanings
 from icmj.work.own_code import FAMILIES, SWEEPS
 
 MOST_POINTS = 10**9
@@ -505,7 +505,7 @@ def _describe(record: dict[str, Any], model: type[BaseModel]) -> None:
 def docstrings(model: type[BaseModel]) -> dict[str, str]:
     """The meaning of the keys of a table, by key: the docstrings under them, or those of its setting."""
     setting = getattr(model, "setting", None)
-    found = meanings(setting) if setting else {}
+    found = read_meanings(setting) if setting else {}
     for cls in reversed(model.__mro__):
         if not cls.__module__.startswith("icmj."):
             continue

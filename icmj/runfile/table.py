@@ -329,7 +329,7 @@ class TomlTable(BaseModel):
 
 
 Table = TypeVar("Table", bound=TomlTable)
-Made = TypeVar("Made")
+Setting = TypeVar("Setting")
 
 
 def keys_of(
@@ -345,11 +345,11 @@ def keys_of(
 
     def decorate(table: type[Table]) -> type[Table]:
         hints, keys = get_type_hints(setting, include_extras=True), dict[str, Any]()
-        made = {field.name: field.default_factory for field in fields(setting)} if is_dataclass(setting) else {}
+        factories = {field.name: field.default_factory for field in fields(setting)} if is_dataclass(setting) else {}
         for name, parameter in signature(setting).parameters.items():
             if name not in (*table.model_fields, *without):
                 hint, default = _as_read(hints[name]), parameter.default
-                if (factory := made.get(name, MISSING)) is not MISSING:
+                if (factory := factories.get(name, MISSING)) is not MISSING:
                     default = factory()
                 default = list(default) if isinstance(default, tuple) and _is_list(hint) else default
                 keys[name] = (hint | None, None) if optional else (hint, ... if default is parameter.empty else default)
@@ -374,14 +374,14 @@ def _as_read(hint: Any) -> Any:
     return dict[inside[0], _as_read(inside[1])] if origin is Mapping else hint  # type: ignore[misc, valid-type]
 
 
-def make(setting: Callable[..., Made], table: TomlTable, **more: Any) -> Made:
+def make(setting: Callable[..., Setting], table: TomlTable, **more: Any) -> Setting:
     """What a table stands for: made of its keys that have a value, and of ``more``."""
     given = {name: getattr(table, name, None) for name in signature(setting).parameters}
     plain = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
     return setting(**{key: value for key, value in plain.items() if value is not None} | more)
 
 
-def checks(method: str) -> Any:
+def check_by(method: str) -> Any:
     """Validator of a table that calls a method, which makes a setting: what that refuses is told of the table."""
 
     def check(table: Table) -> Table:
@@ -394,7 +394,7 @@ def checks(method: str) -> Any:
     return model_validator(mode="after")(check)
 
 
-def meanings(setting: Callable[..., Any]) -> dict[str, str]:
+def read_meanings(setting: Callable[..., Any]) -> dict[str, str]:
     """What the docstring of a setting, and of those that it inherits from, says of each parameter."""
     found: dict[str, str] = {}
     for cls in reversed(getattr(setting, "__mro__", (setting,))):

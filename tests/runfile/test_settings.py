@@ -14,7 +14,7 @@ from icmj.base.array import NonNegative, Positive, Seed
 from icmj.errors import ModelError
 from icmj.runfile.run_tables import NoiseTable
 from icmj.runfile.sweep_tables import docstrings
-from icmj.runfile.table import TomlTable, checks, in_words, keys_of, make
+from icmj.runfile.table import TomlTable, check_by, in_words, keys_of, make
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class SpringTable(TomlTable):
     def spring(self) -> Spring:
         return make(Spring, self)
 
-    _is_one = checks("spring")
+    _is_one = check_by("spring")
 
 
 def test_the_keys_are_the_fields_and_those_of_the_table():
