@@ -147,7 +147,7 @@ class PlaceTable(DisturbanceTable):
         if self.surface is not None:
             axis = self.axis or ((1.0, 0.0, 0.0) if self.surface == "translation" else (0.0, 1.0, 0.0))
             moves = "gravity" if self.surface == "tilt" else self.surface
-            more |= {"surface": moves, "axis": axis, "on": "body"}
+            more |= {"surface": moves, "axis": axis, "on": "body", "body": None}
         return make(source, self, **more)
 
     def sources(self) -> Iterator[Source]:
