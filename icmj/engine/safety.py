@@ -52,7 +52,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.files import read_bytes
-from icmj.base.sandbox import run_bounded
+from icmj.base.process import run_bounded
 from icmj.base.text import one_line
 from icmj.errors import ModelError, SimulationError
 from icmj.plant.linear_plant import LinearPlant

@@ -28,8 +28,7 @@ from urllib.parse import quote
 
 from icmj.base.array import between
 from icmj.base.files import replaceable, write_bytes
-from icmj.base.process import interrupt_once, terminable
-from icmj.base.sandbox import run_bounded
+from icmj.base.process import interrupt_once, run_bounded, terminable
 from icmj.base.text import one_line
 from icmj.case.result import Result
 from icmj.controller.controller import has_trigger

@@ -30,7 +30,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.files import open_file
-from icmj.base.sandbox import run_bounded
+from icmj.base.process import run_bounded
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.c3d_reader import REFUSED

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from icmj.base.sandbox import run_bounded
+from icmj.base.process import run_bounded
 
 resource = pytest.importorskip("resource")
 KINDS = ("AS", "CPU", "DATA", "STACK", "CORE")
@@ -36,7 +36,7 @@ def test_a_limit_that_the_system_refuses_is_left_out() -> None:
     """As every limit on memory is on macOS; here one above what this process may set itself."""
     program = f"""
 import resource, sys
-from icmj.base.sandbox import run_bounded
+from icmj.base.process import run_bounded
 resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
 done = run_bounded([sys.executable, "-c", {TELL!r}], 60.0, addresses=3 << 30, processor=7)
 sys.exit(done.stderr)
@@ -61,6 +61,6 @@ def test_whatever_may_crash_runs_in_this_one_sandbox(root: Path) -> None:
         for path in (root / "icmj").rglob("*.py")
         if "subprocess.run(" in (text := path.read_text(encoding="utf-8")) or "Popen(" in text
     }
-    assert starts == {"base/sandbox.py", "work/folder.py", "log/reader.py"}
+    assert starts == {"base/process.py", "work/folder.py", "log/reader.py"}
     used = {"engine/safety.py", "series/formats.py", "log/reader.py"}
     assert all("run_bounded(" in (root / "icmj" / name).read_text(encoding="utf-8") for name in used)

@@ -16,7 +16,7 @@ from engine_runs import ADAPTED, FIXED, OTHERS, RUNS
 from patience import PATIENCE
 
 from icmj.engine import block
-from icmj.engine.native import structs
+from icmj.engine.native import memory as structs
 from icmj.engine.native.field import callbacks
 from icmj.engine.native.memory import entry
 from icmj.engine.run import simulate
