@@ -331,13 +331,14 @@ def _shift(drawn: Drawn, rng: random.Random, plant: str) -> str:
     kinds = [source for key in ("simulation.disturbance", "setpoint") for source in drawn.changes.get(key, [])]
     if drawn.clock is not None or drawn.base not in _EVENT or any(of["kind"] not in still for of in kinds):
         return "skipped"
+    # late enough for the least interval after the start to be over, whose end is not moved
+    late = drawn.grid * max(8, int(drawn.changes.get("assumed.delay", 0.0) / drawn.grid) + 2)
     begun = {}
     for key in ("simulation.disturbance", "setpoint"):
         if key in drawn.changes:
-            # late enough for the least interval after the start to be over
-            begun[key] = [{**of, "start": of.get("start", 0.0) + 8 * drawn.grid} for of in drawn.changes[key]]
+            begun[key] = [{**of, "start": of.get("start", 0.0) + late} for of in drawn.changes[key]]
     base = replace(drawn, changes={**drawn.changes, **begun, "simulation.initial": {}})
-    base = base.changed(simulation__duration=drawn.duration + 8 * drawn.grid)
+    base = base.changed(simulation__duration=drawn.duration + late)
     moved = {key: [{**of, "start": of["start"] + shift} for of in sources] for key, sources in begun.items()}
     other = replace(base, changes={**base.changes, **moved})
     other = other.changed(simulation__duration=base.duration + shift)
