@@ -12,8 +12,6 @@ Rows of Drake and jaxonomy need these beside icmj; both install for Python 3.11 
 Exits with status 1 if a bound is missed.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import platform

@@ -4,8 +4,6 @@ The plant is the three-link model from its MJCF file, linearised and designed on
 chains of ever more links, to see how the analysis grows with the number of states.
 """
 
-from __future__ import annotations
-
 import statistics
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A branch of exact cycles against simulating three of its points until they close as well, both from run files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from time import process_time
 

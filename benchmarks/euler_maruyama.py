@@ -3,8 +3,6 @@
 The same plant, controller, delay and predictor, and the same to be recorded; events are looked for once a step.
 """
 
-from __future__ import annotations
-
 import numba
 import numpy as np
 from scipy.linalg import expm

@@ -1,7 +1,5 @@
 """The exact simulation of the linear plant: times real time, and beside what others need for the same loop."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The live page in a headless Chromium: how fast its loop is, and how many frames a second it shows."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

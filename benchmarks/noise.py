@@ -1,7 +1,5 @@
 """A person who stands quietly under noise: the exact simulation beside Euler–Maruyama steps."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -4,8 +4,6 @@ All get the loop as a matrix: ż = M z with z = (x, d, e), an event when |R e| r
 returns its last intervals; what is timed is a warm run, after whatever it compiles or builds.
 """
 
-from __future__ import annotations
-
 import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass

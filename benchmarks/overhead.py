@@ -1,7 +1,5 @@
 """What lies between the engine's stages: of a step that adapts, against those that it calls; of noise, against none."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Work and precision: time of one task against the error of its last intervals and of its last peak."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The other controllers of the one-link person beside the event-driven one: the same body, delay and seconds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal

@@ -9,8 +9,6 @@
 - *modules entered*, *functions entered*: of icmj, apart from what runs as a module is imported.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Closed-loop time per step, events and recording decision included, against bare steps of the same plant."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import mujoco

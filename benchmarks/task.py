@@ -1,7 +1,5 @@
 """The task that all are timed on: the three-link case at b = 0.9, started on its predicted cycle."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path

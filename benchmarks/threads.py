@@ -1,7 +1,5 @@
 """Independent runs on one thread and on two."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any

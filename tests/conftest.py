@@ -1,7 +1,5 @@
 """Shared paths, signals as at a terminal, and the rule that no test leaves a MuJoCo callback behind."""
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import os

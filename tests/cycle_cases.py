@@ -1,7 +1,5 @@
 """Shipped cases, prepared once, for the tests of exact cycles."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ eight intervals, with noise; each has pairs and noise of their own. A person is 
 seconds; lines that are there are not computed again, so that the same command goes on where it was interrupted.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import sys

@@ -1,7 +1,5 @@
 """The closed loops that the engine's tests run: the published cases on MuJoCo."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

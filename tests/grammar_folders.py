@@ -1,7 +1,5 @@
 """Folders of sweeps, damaged: files cut, replaced, made pipes or links, facts and chunks of other types."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -3,8 +3,6 @@
 All joints, actuators, sensors, equalities and tendons, masses and springs of any size, odd keyframes, mocap bodies.
 """
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 

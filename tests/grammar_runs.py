@@ -1,7 +1,5 @@
 """Run files and sweep files made by a grammar: valid TOML, of values that contradict each other or go to extremes."""
 
-from __future__ import annotations
-
 import json
 import random
 from collections.abc import Callable, Sequence

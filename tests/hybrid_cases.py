@@ -1,7 +1,5 @@
 """Five controllers of users (examples/hybrid) on the one-link person, and any controller by its realisation alone."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Small results to write logs from: made here with matrix exponentials, not with the simulators of the package."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path

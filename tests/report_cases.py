@@ -4,8 +4,6 @@ A result "of MuJoCo" is the linear run under that name with a stated small depar
 the engine; the report cannot tell.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sweeps for tests: small ones of the pendulum, and their rows."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent

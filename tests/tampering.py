@@ -5,8 +5,6 @@ gigabytes, by other types and shapes, most of them also with digests that fit. A
 one line with status 2, or finds the same numbers as before; it never waits, and never takes much memory.
 """
 
-from __future__ import annotations
-
 import argparse
 import functools
 import hashlib

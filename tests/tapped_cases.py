@@ -1,7 +1,5 @@
 """Controllers that read delayed outputs, and the body of Asai et al. (2009) that they hold upright."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property

@@ -1,7 +1,5 @@
 """What commands say, as tests read it."""
 
-from __future__ import annotations
-
 import re
 
 _SIGN = re.compile(r"^icmj: ([^;]* after \d+ s(, about .* left)?|about .* of work)$")

@@ -5,8 +5,6 @@ agreement, and stands in no row fails here. Sentences that state no result (a de
 example) stand in rows of their own, ``[[allowed]]``.
 """
 
-from __future__ import annotations
-
 import ast
 import csv
 import json

@@ -1,7 +1,5 @@
 """Without what only Linux has, or only Unix: modules, signals, /proc. All is imported, and the commands work."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """docs/pictures/: every picture is made by ``python docs/draw.py``, from what is there now, and is the one shown."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import re

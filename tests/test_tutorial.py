@@ -3,8 +3,6 @@
 The environment that the page makes borrows what icmj needs from this one; ``pytest --from-nothing`` installs all of it.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

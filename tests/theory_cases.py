@@ -1,7 +1,5 @@
 """Plants for the tests of the theory: the shipped pendulum in closed form, and random ones."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

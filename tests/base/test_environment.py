@@ -1,7 +1,5 @@
 """One thread, unless somebody has asked for more."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Whole files: there when complete, gone when not, and two writers do not meet."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

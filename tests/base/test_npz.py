@@ -1,7 +1,5 @@
 """npz files of others: the arrays, or one kind of error, whatever is wrong with the file."""
 
-from __future__ import annotations
-
 import io
 import random
 import zipfile

@@ -1,7 +1,5 @@
 """Numbers in words: against what a reader would write by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

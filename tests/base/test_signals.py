@@ -1,7 +1,5 @@
 """A request to end unwinds, is not lost in foreign code, and leaves the handlers as they were."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

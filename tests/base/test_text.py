@@ -1,7 +1,5 @@
 """One line of anything: what a terminal would obey is not in it."""
 
-from __future__ import annotations
-
 import codecs
 
 import pytest

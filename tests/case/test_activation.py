@@ -1,7 +1,5 @@
 """Muscles from a run file: known and unknown ones, on both plants, by matrices, in logs, sweeps and branches."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Models that other people made run from a few lines and do what is predicted, or stop with a reason of nature."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

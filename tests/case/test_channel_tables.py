@@ -1,7 +1,5 @@
 """Switching channels and the delayed PID in run files: made, simulated on both plants, kept in logs, refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a result depends on: each file that a run file reaches changes the fingerprints, and nothing beside it does."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Controllers of users with memory, mixtures and sums go every way that a case can go."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

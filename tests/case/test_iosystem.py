@@ -1,7 +1,5 @@
 """Loops as systems of python-control do what the simulators of the package do, by another program's arithmetic."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

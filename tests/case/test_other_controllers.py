@@ -1,7 +1,5 @@
 """Controllers that are not intermittent: from the run file through the command line to log, report and replay."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Code of the user's own: from the run file to the log, the report and the replay, and never run unasked."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The continuous predictor controller: from the run file through the command line to log, report and replay."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every way to the same run gives the same bits, or refuses in one line: no way leaves out a part of the run file."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """``icmj continue`` from the command line: what it writes, and what it draws beneath."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A linearisation on the terminal and as a file: every number is there, and a large one can be read."""
 
-from __future__ import annotations
-
 import io
 import re
 

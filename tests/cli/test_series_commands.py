@@ -1,7 +1,5 @@
 """Commands on time series: what they write and print, and one line for what they refuse."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A measure that the table, the JSON or the documentation forgets is no measure that anyone finds."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables on narrow terminals and in pipes: every digit is there, whatever gives way."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """A run against its prediction: the numbers by hand."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The verdict in words, against what is known of each case."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

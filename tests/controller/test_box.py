@@ -1,7 +1,5 @@
 """A second event rule, proved as the first one is: orbit, admissibility, multipliers and events by brute force."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import engine_cases

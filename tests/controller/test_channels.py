@@ -1,7 +1,5 @@
 """Switched feedback of several joints: against its equation, the one-joint controller, and the method of steps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Delay and predictor, from the controller's data to both plants, against SciPy, finite differences and brute force."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import engine_cases

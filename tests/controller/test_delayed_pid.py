@@ -1,7 +1,5 @@
 """Delayed PID with force feedback: against transfer functions, a Nyquist count, and the method of steps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

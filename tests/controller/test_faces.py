@@ -1,7 +1,5 @@
 """The event function: its value, rates, gradient and polynomials against each other's definitions and differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

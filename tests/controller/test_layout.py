@@ -1,7 +1,5 @@
 """Segments of a vector, and the controller as one linear system in them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

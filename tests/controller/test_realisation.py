@@ -1,7 +1,5 @@
 """The contract refuses what no simulation could read, and picks modes by its table."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The switching controller says of itself what its equation says."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

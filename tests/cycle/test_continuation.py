@@ -1,7 +1,5 @@
 """Branches of cycles against the theory, closed forms, and a plant written by hand on SciPy's integrator and solver."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from cycle_cases import RUNS, branch, case, return_map

@@ -1,7 +1,5 @@
 """Exact cycles: on the linear plant the theory's orbit, on the engine what simulations settle on, or never show."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from cycle_cases import case, return_map

@@ -1,7 +1,5 @@
 """Cycles of a switched delayed feedback, against the method of steps, and branches of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

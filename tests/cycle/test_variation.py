@@ -1,7 +1,5 @@
 """The equation of variation along a flight against differences of flights."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Rounds of switched feedback: against a plain integration with a history, scaling, and long simulations."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """No room, no right, no single writer: one line, and nothing under its name that is not whole."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

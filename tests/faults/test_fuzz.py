@@ -3,8 +3,6 @@
 For an hour of it: ``python -m tests.fuzz --minutes 60``.
 """
 
-from __future__ import annotations
-
 import random
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What stands where something is to be written: a pipe, a socket, a device, a link; refused before any work is done."""
 
-from __future__ import annotations
-
 import os
 import socket
 import stat

@@ -1,7 +1,5 @@
 """Where words are printed: streams that are closed, full, gone or know only ASCII; and names that would be obeyed."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import subprocess

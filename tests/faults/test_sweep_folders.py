@@ -1,7 +1,5 @@
 """A sweep's folder that somebody else made, or damaged: one line, nothing followed, nothing waited for."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

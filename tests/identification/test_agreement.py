@@ -1,7 +1,5 @@
 """Nothing fits, or it fits, and how well: true motions pass as often as is said, others are refused in one line."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

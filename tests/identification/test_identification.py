@@ -1,7 +1,5 @@
 """Model errors are found again from the motions that they make: blind, on many motions, with intervals that cover."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

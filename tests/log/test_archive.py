@@ -1,7 +1,5 @@
 """The archive alone, without a file: what goes in comes out, and nothing else can."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

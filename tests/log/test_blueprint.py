@@ -1,7 +1,5 @@
 """The arrangement as it stands in the file: every view has something to show."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A log carries the models that its analysis needs: copied elsewhere, it is identified as where it was made."""
 
-from __future__ import annotations
-
 import json
 import shutil
 

@@ -1,7 +1,5 @@
 """rerun's program on files that are not whole: it may die, spin or eat memory; we do not, and soon."""
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Reading back: bit-exact, and every kind of broken file refused in one line."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The replay: pictures of real logs, a page on the loopback address only, salvage, and clear refusals."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,7 +1,5 @@
 """An archive with a right digest is believed only where it is a run: shapes, rising times, enumerations, types."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

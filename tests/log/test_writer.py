@@ -1,7 +1,5 @@
 """What is in the file, read with rerun's and Arrow's own means, and that it is there whole or not at all."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Statistics of runs under noise: their confidence covers the truth, and uneven rows do not show in a spectrum."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from linear_cases import PENDULUM, event_controller, pendulum_design, settings

@@ -1,7 +1,5 @@
 """Measures of sway: closed forms of known signals, other programs' formulas, and published measures of real people."""
 
-from __future__ import annotations
-
 import csv
 from fractions import Fraction
 from itertools import pairwise

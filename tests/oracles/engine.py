@@ -1,7 +1,5 @@
 """The closed loop on MuJoCo by others: the bare plant, the paper's equations in numpy, SciPy's integrator."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Activation dynamics before a linear plant, against closed forms of a lag and random plants."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import expm

@@ -1,7 +1,5 @@
 """Inputs and outputs are matched by name in everything that takes two plants, and the closed loop is the same."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

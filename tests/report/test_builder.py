@@ -1,7 +1,5 @@
 """The report as files: self-contained, complete or not there."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from html.parser import HTMLParser

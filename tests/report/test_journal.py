@@ -1,7 +1,5 @@
 """Figures for a journal: sizes in millimetres, fonts that are embedded as TrueType, legends that hide nothing."""
 
-from __future__ import annotations
-
 import re
 import zlib
 

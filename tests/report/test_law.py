@@ -1,7 +1,5 @@
 """The figure of the amplitude law."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The live page's loop against the simulators of icmj: the same events, from the same description, in a browser."""
 
-from __future__ import annotations
-
 import html
 import json
 import re

@@ -1,7 +1,5 @@
 """The live page as a reader meets it, in a headless Chromium: what moves, what is said, and that it needs nothing."""
 
-from __future__ import annotations
-
 import html
 import json
 import re

@@ -1,7 +1,5 @@
 """Pictures of sweeps show what the rows say: contours where the error is that, hatching where there is no cycle."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

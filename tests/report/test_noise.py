@@ -1,7 +1,5 @@
 """A case under noise in comparison, archive, summary and page."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Notation in HTML: subscripts where the paper has them, nowhere else, and nothing unescaped."""
 
-from __future__ import annotations
-
 import pytest
 from markupsafe import Markup
 

@@ -3,8 +3,6 @@
 A copy of the page gets a script that inspects it and reports to a frame around it, whose width emulates the device.
 """
 
-from __future__ import annotations
-
 import html
 import json
 import re

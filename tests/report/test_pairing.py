@@ -1,7 +1,5 @@
 """Runs find their case."""
 
-from __future__ import annotations
-
 import pytest
 from report_cases import result
 

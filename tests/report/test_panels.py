@@ -1,7 +1,5 @@
 """The panels draw what theory and runs say: read back from the drawn artists, against closed forms where there are."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The moving page: what the script is given, and that bodies move in a headless Chromium, from a file, alone."""
 
-from __future__ import annotations
-
 import base64
 import html
 import json

@@ -1,7 +1,5 @@
 """The figures drawn into axes of one's own: the same artists as the report's, nothing else touched."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

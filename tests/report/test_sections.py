@@ -1,7 +1,5 @@
 """What the sections say, against what is known of the cases."""
 
-from __future__ import annotations
-
 import html
 import itertools
 import re

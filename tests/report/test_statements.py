@@ -1,7 +1,5 @@
 """The paper's statements: which hold is known beforehand (notes, section 4), and wrong runs must not pass."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Files of series: bit for bit both ways, readable by others, and hostile ones refused in one line."""
 
-from __future__ import annotations
-
 import csv
 import json
 import tracemalloc

@@ -1,7 +1,5 @@
 """Piecewise interpolation: fourth order within pieces, nothing of one piece in another."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

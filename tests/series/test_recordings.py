@@ -1,7 +1,5 @@
 """Recordings of a movement laboratory: OpenSim's tables and C3D, written here by hand and by ezc3d's own writer."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

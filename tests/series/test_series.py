@@ -1,7 +1,5 @@
 """Series: names, choices, even times, pandas."""
 
-from __future__ import annotations
-
 import builtins
 import sys
 

@@ -1,7 +1,5 @@
 """The estimate tells seconds from hours, what is too long is refused, and a run that gets nowhere ends."""
 
-from __future__ import annotations
-
 import re
 import time
 from pathlib import Path

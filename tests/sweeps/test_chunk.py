@@ -1,7 +1,5 @@
 """What is asked for at a point is what its own functions give: exact cycles, attractors, statistics under noise."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pyarrow as pa

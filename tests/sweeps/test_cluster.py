@@ -1,7 +1,5 @@
 """The same bytes from a Dask cluster: a real scheduler and two worker processes, one of which is killed midway."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,7 +1,5 @@
 """A sweep's rows are the same bit for bit, whoever computes them, however often it is killed; what fails is a row."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

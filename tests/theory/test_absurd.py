@@ -1,7 +1,5 @@
 """Systems out of all proportion end soon, with a result or with an error that says what is wrong; nothing else."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from theory_cases import NAMES, neglected, pendulum, pendulum_design, shipped

@@ -1,7 +1,5 @@
 """Multipliers against simulation: started beside the orbit, does the exact simulator go back to it or leave?"""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from theory_cases import random_systems, shipped

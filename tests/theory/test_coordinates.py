@@ -1,7 +1,5 @@
 """What depends on the coordinates and what does not: only γ and x̄ do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from theory_cases import neglected, pendulum, pendulum_design, random_systems, three_link, three_link_design

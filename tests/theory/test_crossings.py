@@ -1,7 +1,5 @@
 """Crossings against brute force, published values, and systems built to have pairs, tangencies and defects."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import expm

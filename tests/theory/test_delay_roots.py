@@ -1,7 +1,5 @@
 """Characteristic roots of delayed feedback: printed numbers, closed forms, and a count that does not know them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.special import lambertw

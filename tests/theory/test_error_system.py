@@ -1,7 +1,5 @@
 """The error matrix against the closed loop in original coordinates, and against the matrices that the paper prints."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from theory_cases import neglected, pendulum, pendulum_design, random_systems, shipped

@@ -1,7 +1,5 @@
 """Repeated eigenvalues: systems put side by side with themselves, their states mixed, against one of them alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import block_diag

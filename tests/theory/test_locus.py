@@ -1,7 +1,5 @@
 """Branches of the eigenvalue locus: right values, no swapping, largest magnitude."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import expm

@@ -1,7 +1,5 @@
 """Modes that no event can change: a correct attracting cycle stays one beside them, and they are named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The orbit against an ODE integrator in original coordinates, and its admissibility against built obstacles."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

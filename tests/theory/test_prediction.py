@@ -1,7 +1,5 @@
 """The prediction of every shipped case, Δ_crit's definition, and eigenstructures that have no usable inverse."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from theory_cases import SHIPPED, neglected, pendulum_design, shipped

@@ -1,7 +1,5 @@
 """Roots, responses and variance of the continuous predictor controller, by other ways to the same numbers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import linear_cases

@@ -1,7 +1,5 @@
 """What is said of Δ beyond the range searched: it is a range, and a quick look further tells whether to enlarge it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from theory_cases import random_systems, shipped

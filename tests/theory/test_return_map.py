@@ -1,7 +1,5 @@
 """J against finite differences of a return map simulated in original coordinates, written here from the paper."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import expm

@@ -1,7 +1,5 @@
 """The predicted orbit laid on runs: on a run that is on it the two are the same, in any phase and with either sign."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

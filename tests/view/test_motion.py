@@ -1,7 +1,5 @@
 """Rates, x̄ and its modes, against the closed loop that they describe."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

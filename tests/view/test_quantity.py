@@ -1,7 +1,5 @@
 """Angles are shown in degrees, everything else in its own unit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

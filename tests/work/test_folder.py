@@ -1,7 +1,5 @@
 """Digests beside files: what was written is believed, anything else is not, whenever the writer died."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Processes that do tasks: their values, progress and errors come back, and their death is one line."""
 
-from __future__ import annotations
-
 import builtins
 import io
 import os
