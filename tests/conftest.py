@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from icmj.base.process import one_thread
+from icmj.errors import IcmjError
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # as many processes as cores already; before numpy is there
     one_thread()
@@ -65,6 +66,20 @@ def pytest_collection_finish() -> None:
 def root() -> Path:
     """The checkout: models/, runs/ and so on lie in it."""
     return ROOT
+
+
+@pytest.fixture(autouse=True)
+def errors_are_one_line(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Every error of icmj that a test meets, whether it looks for it or not."""
+    longer: list[str] = []
+
+    def note(error: IcmjError, *words: object) -> None:
+        Exception.__init__(error, *words)
+        longer.extend(words for words in [str(error)] if "\n" in words)
+
+    monkeypatch.setattr(IcmjError, "__init__", note)
+    yield
+    assert not longer
 
 
 @pytest.fixture(autouse=True)

@@ -57,9 +57,8 @@ def test_a_brought_model_does_what_is_predicted(package, name, more, R_c, joint)
     ],
 )
 def test_a_model_that_cannot_be_predicted_is_refused_with_the_reason(package, name, more, joint, reason):
-    with pytest.raises(IcmjError, match=reason) as caught:
+    with pytest.raises(IcmjError, match=reason):
         prepare(run_file(package, name, more, joint=joint))
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.slow

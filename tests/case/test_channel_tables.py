@@ -96,9 +96,8 @@ def test_the_engine_is_the_linear_plant_at_small_sway(continuous: RunFile) -> No
     ],
 )
 def test_what_is_wrong_with_channels_is_said(channelled: RunFile, change: dict, words: str) -> None:
-    with pytest.raises(IcmjError, match=words) as told:
+    with pytest.raises(IcmjError, match=words):
         prepare(channelled.with_(**change))
-    assert "\n" not in str(told.value)
 
 
 @pytest.mark.parametrize(
@@ -112,6 +111,5 @@ def test_what_is_wrong_with_channels_is_said(channelled: RunFile, change: dict, 
     ],
 )
 def test_what_is_wrong_with_a_delayed_pid_is_said(continuous: RunFile, change: dict, words: str) -> None:
-    with pytest.raises(IcmjError, match=words) as told:
+    with pytest.raises(IcmjError, match=words):
         prepare(continuous.with_(**change))
-    assert "\n" not in str(told.value)

@@ -263,9 +263,8 @@ def test_what_is_wrong_is_said(run_path: Path, change: dict, words: str) -> None
     def attempt() -> None:
         prepare(load_run(run_path).with_(**change))
 
-    with pytest.raises(IcmjError, match=words) as told:
+    with pytest.raises(IcmjError, match=words):
         attempt()
-    assert "\n" not in str(told.value)
 
 
 def test_a_controller_of_ones_own(run_path: Path) -> None:

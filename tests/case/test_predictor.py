@@ -111,6 +111,5 @@ def test_what_is_wrong_is_said(run_path: Path, change: dict, words: str) -> None
     def attempt() -> None:
         simulate(prepare(load_run(run_path).with_(**change)), "linear")
 
-    with pytest.raises(IcmjError, match=words) as told:
+    with pytest.raises(IcmjError, match=words):
         attempt()
-    assert "\n" not in str(told.value)

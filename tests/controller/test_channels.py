@@ -86,6 +86,5 @@ def test_it_moves_as_the_method_of_steps_says(channels: tuple[Channel, ...]) -> 
     ],
 )
 def test_what_makes_no_sense_is_refused(make, words: str) -> None:
-    with pytest.raises(AnalysisError, match=words) as told:
+    with pytest.raises(AnalysisError, match=words):
         make()
-    assert "\n" not in str(told.value)

@@ -124,6 +124,5 @@ def test_its_equation_holds_along_a_run(law: DelayedPID) -> None:
     ],
 )
 def test_what_makes_no_sense_is_refused(wrong: dict, words: str) -> None:
-    with pytest.raises(AnalysisError, match=words) as told:
+    with pytest.raises(AnalysisError, match=words):
         replace(PRINTED, **wrong)
-    assert "\n" not in str(told.value)

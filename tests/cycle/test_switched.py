@@ -94,9 +94,8 @@ def test_a_branch_in_the_share_is_one_in_the_slope() -> None:
     ],
 )
 def test_why_there_is_none(law, words: str) -> None:
-    with pytest.raises(CycleError, match=words) as told:
+    with pytest.raises(CycleError, match=words):
         find_switched_cycle(BODY, law)
-    assert "\n" not in str(told.value)
 
 
 def test_a_parameter_that_is_none_is_refused() -> None:

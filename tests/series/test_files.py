@@ -244,7 +244,6 @@ def test_a_field_of_any_length_is_refused_in_words(tmp_path, where):
     (tmp_path / "long.csv").write_text(text)
     with pytest.raises(DataError, match=r"long\.csv: .*(not a row of a table|no rows of numbers)") as caught:
         read_series(tmp_path / "long.csv")
-    assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 1000
 
 

@@ -323,7 +323,6 @@ def test_people_whose_files_would_have_one_name_or_none_are_refused_before_any_w
     people = [person(name, (4e-3, 0.3, 0.5)) for name in names]
     with pytest.raises(FitError, match=line) as caught:
         fit(people, [Toy(name, 1) for name in families], tmp_path / "out", trained=tmp_path / "trained")
-    assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 300
     assert list(tmp_path.iterdir()) == []
 

@@ -178,9 +178,8 @@ def test_sweeps_experiments_and_banks_are_taken_up_again_in_the_one_way(
     shutil.copytree(out, spare)
 
     def refused(words: str) -> None:
-        with pytest.raises(IcmjError, match=words) as caught:
+        with pytest.raises(IcmjError, match=words):
             run(tmp_path)
-        assert "\n" not in str(caught.value)
         shutil.rmtree(out)
         shutil.copytree(spare, out)
 
