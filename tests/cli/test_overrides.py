@@ -29,6 +29,7 @@ def test_a_log_stores_what_really_ran(root, tmp_path, capsys):
     assert result.simulation.t[-1] == 9.0
     assert result.controller.trigger.q_t == 0.02
     assert load_run(path).actual.gain == 0.8
+    assert any("differs from the published case" in notice for notice in result.notices)
 
 
 def test_what_was_set_is_said_wherever_the_title_of_the_file_stands(root, tmp_path, capsys):
