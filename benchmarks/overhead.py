@@ -62,9 +62,7 @@ def _adaptive(tolerance: float) -> list[Row]:
     note = f"tolerance {tolerance:g}, {steps} steps with {passes} stages of {1e6 * stage:.2f} µs, {len(states)} rows"
     return [
         Row("per step", f"adaptive step at {tolerance:g}", step, "µs", note),
-        Row(
-            "per step", f"adaptive step at {tolerance:g} / its stages", ratio, "×", "of the engine, same turns", STAGES
-        ),
+        Row("per step", f"adaptive step at {tolerance:g} / its stages", ratio, "×", "of the engine", STAGES),
     ]
 
 

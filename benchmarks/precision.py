@@ -85,9 +85,7 @@ def rows() -> list[Row]:
             factor = python.seconds / ours.seconds
             table.append(Row(GROUP, f"Python callbacks / icmj at {target:g} s", factor, "×", "", 6.0, at_most=False))
     table += [
-        Row(
-            GROUP, f"naive Euler, {p.setting}", 1e3 * p.seconds, "ms", f"interval {p.interval:.1e} s, peak {p.peak:.1e}"
-        )
+        Row(GROUP, f"naive Euler, {p.setting}", 1e3 * p.seconds, "ms", f"{p.interval:.1e} s, peak {p.peak:.1e}")
         for p in points
         if p.way == "naive Euler"
     ]

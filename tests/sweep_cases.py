@@ -20,9 +20,7 @@ values = [0.01, 0.001]
 """
 
 
-def sweep_file(
-    folder: Path, vary: str, *, ask: str = "", chunk: int = 7, more: str = "", name: str = "sweep.toml"
-) -> Path:
+def sweep_file(folder: Path, vary: str, *, ask="", chunk=7, more="", name="sweep.toml") -> Path:
     """A sweep file of the pendulum in ``folder``."""
     path = folder / name
     head = f'[sweep]\nname = "test"\nrun = "{PENDULUM}"\nchunk = {chunk}\n{more}\n'

@@ -97,6 +97,12 @@ def random_systems(seed: int, count: int, *, mismatch: float = 0.3) -> Iterator[
             yield system
 
 
+def step(crossing) -> int:
+    """By how many the eigenvalues outside of the unit circle change there."""
+    size = 2 if crossing.kind == "complex" else 1
+    return crossing.multiplicity * size * {"rising": 1, "falling": -1, "tangent": 0}[crossing.direction]
+
+
 def pair_of_holds(q: complex, c: complex, r: complex) -> ErrorSystem:
     """A system whose φ has, beside e^{−Δ}, the eigenvalue e^{qΔ} + r (e^{cΔ} − e^{qΔ})/(c − q) and its conjugate.
 

@@ -267,9 +267,7 @@ def test_its_cycle_is_found_and_followed(run_path: Path, capsys: pytest.CaptureF
     assert "reached P = 142.4" in said
 
 
-def test_a_start_of_an_observer_that_is_not_there_is_told_with_the_file(
-    run_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_start_of_an_observer_that_is_not_there_is_told_with_the_file(run_path, capsys):
     text = run_path.read_text(encoding="utf-8") + "observer = { ankle = 0.1 }\n"
     run_path.write_text(text, encoding="utf-8")
     out = run_path.parent / "out"
@@ -369,9 +367,7 @@ def test_what_is_no_controller_is_told(run_path: Path) -> None:
 def test_what_is_resampled_holds_beside_the_edge_of_a_push_and_its_echo(run_path: Path) -> None:
     step = [{"kind": "step", "input": "torque", "size": 3.0, "start": 2.003}]
     run = load_run(run_path).with_(**{"simulation.disturbance": step, "simulation.duration": 4.0})
-    result, fine = (
-        run_case(run.with_(**{"simulation.record_interval": interval}), "linear") for interval in (0.05, 0.001)
-    )
+    result, fine = (run_case(run.with_(**{"simulation.record_interval": dt}), "linear") for dt in (0.05, 0.001))
     taken, exact = result.to_series(1000.0), fine.to_series(1000.0)
     np.testing.assert_allclose(taken.t, exact.t, rtol=0, atol=1e-12)
     quiet = np.all(np.abs(taken.t[:, None] - result.simulation.events.t) > 0.06, axis=1)  # switches are not in question

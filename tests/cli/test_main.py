@@ -263,9 +263,7 @@ def test_what_libraries_do_when_the_interpreter_ends_changes_no_status(tmp_path)
 
 
 @pytest.mark.parametrize("there", [False, True])
-def test_what_fails_while_it_runs_names_its_file_and_leaves_no_folder(
-    there, root, tmp_path, monkeypatch, capsys
-) -> None:
+def test_what_fails_while_it_runs_names_its_file_and_leaves_no_folder(there, root, tmp_path, monkeypatch, capsys):
     """524288 stretches of motion to be remembered are found only while the run goes on."""
 
     def fail(*args: object, **kwargs: object) -> None:

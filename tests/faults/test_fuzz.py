@@ -5,7 +5,6 @@ For an hour of it: ``python -m tests.fuzz --minutes 60``.
 
 import random
 import tomllib
-from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -125,9 +124,7 @@ CORPUS = (
 
 @pytest.mark.slow
 @pytest.mark.parametrize("more", CORPUS, ids=range(len(CORPUS)))
-def test_the_corpus(
-    more: str, root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_the_corpus(more, root, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     text = RUN.format(root=root) + more + ("" if "[study]" in more else "\n[study]\ngrowth_points = 0")
     (tmp_path / "a.toml").write_text(text, encoding="utf-8")

@@ -116,9 +116,7 @@ def test_nothing_but_a_file_is_replaced(
 
 
 @pytest.mark.parametrize("kind", [kind for kind in ODD if kind != "folder"])
-def test_a_folder_for_outputs_may_be_a_link_to_one_and_nothing_else(
-    kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_for_outputs_may_be_a_link_to_one_and_nothing_else(kind, tmp_path, capfd):
     run, out = short_run(tmp_path, duration=5.0), tmp_path / "out"
     ODD[kind](out)
     inode = out.lstat().st_ino

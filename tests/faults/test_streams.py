@@ -117,9 +117,7 @@ def obeyed(words: str) -> list[str]:
 
 
 @pytest.mark.slow
-def test_names_are_shown_and_not_obeyed(
-    odd: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_names_are_shown_and_not_obeyed(odd, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     shown = "ab31m[/][red]:smile:"
     for words in (

@@ -249,9 +249,7 @@ def test_a_whole_folder_may_be_a_link_and_goes_on(begun: tuple[Plan, Path], tmp_
 
 
 @pytest.mark.slow
-def test_the_commands_say_it_in_one_line(
-    begun: tuple[Plan, Path], tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_the_commands_say_it_in_one_line(begun, tmp_path, capfd):
     folder, sweep = tmp_path / "out", begun[1].parent / "sweep.toml"
     shutil.copytree(begun[1], folder)
     cut(one(folder), 0.5)

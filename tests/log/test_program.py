@@ -48,9 +48,7 @@ def write(path: Path, script: str) -> None:
     ],
     ids=["spins", "dies", "eats", "says", "reads none"],
 )
-def test_a_program_that_does_not_end_well_says_why(
-    script: str, reason: str, instead: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_program_that_does_not_end_well_says_why(script, reason, instead, tmp_path, monkeypatch):
     monkeypatch.setattr(reader, "SECONDS", 1)
     (tmp_path / "log.rrd").write_bytes(b"x")
     write(instead, script)

@@ -67,9 +67,7 @@ def times(path: Path, entity: str) -> np.ndarray:
 @pytest.mark.parametrize(
     ("entity", "name"), [("/outputs/run", "y"), ("/states/plant", "x"), ("/states/observer", "x_o")]
 )
-def test_a_series_is_there_in_full_precision_at_its_times(
-    entity: str, name: str, log: Path, three_link: Result
-) -> None:
+def test_a_series_is_there_in_full_precision_at_its_times(entity, name, log, three_link):
     values = getattr(three_link.simulation, name)
     np.testing.assert_array_equal(column(log, entity, "Scalars:scalars").reshape(values.shape), values)
     np.testing.assert_allclose(times(log, entity), three_link.simulation.t * 1e9, atol=0.51)
@@ -192,9 +190,8 @@ def other_kinds() -> dict[str, Result]:
         ("delta_crit", "eigenvalue", "period", "gamma", "amplitude", "orbit", "multipliers", "V_inv")
     )
     one = {f: getattr(simulation, f)[:1] for f in ("t", "x", "y", "u", "x_o", "x_h", "E")}
-    nan = {
-        f: np.where(simulation.t[:, None] > 2, np.nan, getattr(simulation, f)) for f in ("x", "y", "u", "x_o", "x_h")
-    }
+    late = simulation.t[:, None] > 2
+    nan = {f: np.where(late, np.nan, getattr(simulation, f)) for f in ("x", "y", "u", "x_o", "x_h")}
     no_E = np.full_like(simulation.E, np.nan)
     quiet = replace(
         result.measurement, kind="no events", p=None, interval=None, intervals=np.zeros(0), period=None, residual=np.nan

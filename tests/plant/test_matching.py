@@ -85,9 +85,7 @@ def test_other_names_stop_with_one_line_that_says_how_to_go_on():
 def test_what_is_no_linear_plant_is_refused_with_what_to_give(controller, tmp_path):
     on_engine = load_plant(two(tmp_path))
     for give in (lambda plant: error_system(plant, controller.design), design_lq):
-        with pytest.raises(
-            AnalysisError, match=r"a MujocoPlant; expected a LinearPlant; give its linearisation\.plant"
-        ):
+        with pytest.raises(AnalysisError, match=r"a MujocoPlant; expected a LinearPlant; give its linearisation.plant"):
             give(on_engine)
     with pytest.raises(AnalysisError, match="the plant to simulate is a str; expected a LinearPlant"):
         simulate_plant("two.xml", controller, SETTINGS)

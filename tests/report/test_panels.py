@@ -189,10 +189,8 @@ def test_a_passes_through_one_at_delta_crit():
     assert np.interp(1.8065408, delta, largest) == pytest.approx(1, abs=1e-3)
     # ρ = 0: the separation principle; φ has the eigenvalues of e^{Â_cΔ} and e^{Â_oΔ}
     delta, largest = line(axes, r"$\rho=0$").T
-    design = runs.first.controller.design
-    expected = [
-        max(np.abs(np.linalg.eigvals(expm(A * d))).max() for A in (design.A_c, design.A_o)) for d in delta[::64]
-    ]
+    of = runs.first.controller.design
+    expected = [max(np.abs(np.linalg.eigvals(expm(A * d))).max() for A in (of.A_c, of.A_o)) for d in delta[::64]]
     assert largest[::64] == pytest.approx(expected, abs=1e-9)
     for label in ("linear", "MuJoCo"):
         assert line(axes, label) == pytest.approx(

@@ -105,9 +105,7 @@ def test_trials_that_take_hours_or_memory_are_refused(
     assert not (tmp_path / "out").exists()
 
 
-def test_stored_trials_take_no_more_time_and_yes_starts_any(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_stored_trials_take_no_more_time_and_yes_starts_any(tmp_path, monkeypatch, capsys):
     file, out = tmp_path / "standing.toml", tmp_path / "out"
     file.write_text(STANDING.format(count=2, duration=3.0, rate=50.0))
     command = ["experiment", str(file), "--out", str(out), "--jobs", "1"]
@@ -205,9 +203,7 @@ def test_pace_is_of_the_last_window() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_line_asks_for_yes(
-    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_line_asks_for_yes(root, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     text = SHORT.format(name="slow", model=root / "models" / "pendulum.xml", duration=40, more="")
     (tmp_path / "slow.toml").write_text(text.replace("duration =", "timestep = 1e-9\nduration ="))

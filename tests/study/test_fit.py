@@ -317,9 +317,7 @@ def test_people_and_families_that_cannot_be_told_apart_are_refused(tmp_path) -> 
         (("ж" * 80,), ("one",), "too long for the name of a file"),
     ],
 )
-def test_people_whose_files_would_have_one_name_or_none_are_refused_before_any_work(
-    names, families, line, tmp_path
-) -> None:
+def test_people_whose_files_would_have_one_name_or_none_are_refused_before_any_work(names, families, line, tmp_path):
     people = [person(name, (4e-3, 0.3, 0.5)) for name in names]
     with pytest.raises(FitError, match=line) as caught:
         fit(people, [Toy(name, 1) for name in families], tmp_path / "out", trained=tmp_path / "trained")

@@ -77,9 +77,7 @@ def cluster(processes: tuple[str, list[subprocess.Popen[str]]]) -> tuple[str, li
 
 
 @pytest.mark.slow
-def test_a_scheduler_killed_midway_is_one_line(
-    tmp_path: Path, processes: tuple[str, list[subprocess.Popen[str]]]
-) -> None:
+def test_a_scheduler_killed_midway_is_one_line(tmp_path, processes):
     """It ended in tracebacks of libraries, and "cannot be written to: None"."""
     address, (scheduler, *_) = processes
     file, out = sweep_file(tmp_path, GRID.format(count=4000), chunk=2), tmp_path / "out"

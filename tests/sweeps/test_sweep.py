@@ -114,9 +114,7 @@ class _Crew:
 
 
 @pytest.mark.slow
-def test_a_point_that_takes_its_process_with_it_is_a_row_and_its_neighbours_are_as_ever(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_point_that_takes_its_process_with_it_is_a_row_and_its_neighbours_are_as_ever(tmp_path, monkeypatch):
     from contextlib import nullcontext
 
     from icmj.study import sweep

@@ -55,9 +55,8 @@ def test_the_same_for_random_plants():
         expected = predict(system, rule, delta_max=1.5)
         if expected.verdict not in ("attracting", "repelling") or np.abs(expected.multipliers).max() > 50:
             continue
-        other = error_system(
-            system.actual, system.design, T_hat=system.T_hat + 0.1 * rng.normal(size=system.T_hat.shape)
-        )
+        change = rng.normal(size=system.T_hat.shape)
+        other = error_system(system.actual, system.design, T_hat=system.T_hat + 0.1 * change)
         assert_same(predict(other, rule, delta_max=1.5), expected, system, other)
         compared += 1
     assert compared >= 10

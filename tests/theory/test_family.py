@@ -11,6 +11,7 @@ from theory_cases import (
     pendulum_design,
     random_systems,
     shipped,
+    step,
     system_beside,
 )
 
@@ -44,11 +45,6 @@ def side_by_side(systems: list[ErrorSystem], rng=None) -> ErrorSystem:
     k, L = block_diag(*(s.design.k for s in systems)), block_diag(*(s.design.L for s in systems))
     design = Design(joined(assumed, R, U, Y), U.T @ k @ R, R.T @ L @ Y.T)
     return error_system(joined(actual, S, U, Y), design, T_hat=R.T @ block_diag(*(s.T_hat for s in systems)) @ S)
-
-
-def step(crossing) -> int:
-    size = 2 if crossing.kind == "complex" else 1
-    return crossing.multiplicity * size * {"rising": 1, "falling": -1, "tangent": 0}[crossing.direction]
 
 
 def assert_multiplied(whole: ErrorSystem, alone: ErrorSystem, k: int, end: float) -> int:

@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 import subprocess
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -60,9 +59,7 @@ def test_a_file_that_has_the_name_of_another_is_not_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("last", ["rename", "line"])
-def test_whoever_dies_in_between_leaves_a_file_that_is_new_or_as_before(
-    last: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_whoever_dies_in_between_leaves_a_file_that_is_new_or_as_before(last, tmp_path, monkeypatch):
     path = tmp_path / "a"
     sealed(path, b"before")
 
@@ -166,9 +163,7 @@ def _bank(place: Path) -> None:
     ("run", "what", "parts"),
     [(_sweep, "sweep", "points"), (_experiment, "experiment", "trials"), (_bank, "bank", "draws")],
 )
-def test_sweeps_experiments_and_banks_are_taken_up_again_in_the_one_way(
-    run: Callable[[Path], None], what: str, parts: str, tmp_path: Path
-) -> None:
+def test_sweeps_experiments_and_banks_are_taken_up_again_in_the_one_way(run, what, parts, tmp_path):
     run(tmp_path)
     out, spare = tmp_path / "out", tmp_path / "spare"
     written = {path: path.stat().st_mtime_ns for path in (out / parts).iterdir()}
