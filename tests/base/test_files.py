@@ -111,15 +111,12 @@ def test_a_folder_is_ready_if_it_can_be_written_to(tmp_path: Path) -> None:
         ready(tmp_path / "file")
 
 
-@pytest.mark.parametrize(
-    ("make", "what"),
-    [
-        (os.mkfifo, "pipe"),
-        (Path.mkdir, "folder"),
-        (lambda path: path.symlink_to("/dev/zero"), "device"),
-        (lambda path: path.symlink_to("/dev/tty"), "device"),
-    ],
-)
+@pytest.mark.parametrize(("make", "what"), [
+    (os.mkfifo, "pipe"),
+    (Path.mkdir, "folder"),
+    (lambda path: path.symlink_to("/dev/zero"), "device"),
+    (lambda path: path.symlink_to("/dev/tty"), "device"),
+])  # fmt: skip
 def test_only_regular_files_are_read_and_nothing_is_waited_for(make, what: str, tmp_path: Path) -> None:
     make(tmp_path / "a")
     for read in (open_file, read_bytes):

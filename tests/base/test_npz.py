@@ -42,18 +42,15 @@ def header(text: bytes) -> bytes:
     return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text
 
 
-@pytest.mark.parametrize(
-    "npy",
-    [
-        header(b"{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000000,), }\n"),
-        header(b"{'descr': '<f8', 'fortran_order': False, 'shape': (-1,), }\n"),
-        header(b"{'descr': 'zz', 'fortran_order': 1, 'shape': 3}\n"),
-        header(b"{'descr': '<f8', ((('\n"),
-        header(b"\xff\xfe\x00"),
-        b"",
-        b"plain",
-    ],
-)
+@pytest.mark.parametrize("npy", [
+    header(b"{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000000,), }\n"),
+    header(b"{'descr': '<f8', 'fortran_order': False, 'shape': (-1,), }\n"),
+    header(b"{'descr': 'zz', 'fortran_order': 1, 'shape': 3}\n"),
+    header(b"{'descr': '<f8', ((('\n"),
+    header(b"\xff\xfe\x00"),
+    b"",
+    b"plain",
+])  # fmt: skip
 def test_an_array_that_is_none_is_refused(npy: bytes, tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "a.npz", "w") as packed:
         packed.writestr("t.npy", npy)

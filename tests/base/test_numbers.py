@@ -8,23 +8,20 @@ from icmj.base import numbers
 NB = "\N{NO-BREAK SPACE}"
 
 
-@pytest.mark.parametrize(
-    ("value", "figures", "text"),
-    [
-        (1.80654, 5, "1.8065"),
-        (0.75937857, 4, "0.7594"),
-        (-2.9382, 3, "−2.94"),
-        (1234.5, 4, "1234" if f"{1234.5:.3e}" == "1.234e+03" else "1235"),
-        (0.0, 4, "0"),
-        (9.99996, 5, "10.000"),
-        (2.3e-7, 2, f"2.3{NB}×{NB}10⁻⁷"),
-        (-1.5e12, 2, f"−1.5{NB}×{NB}10¹²"),
-        (None, 4, "–"),
-        (np.nan, 4, "–"),
-        (np.inf, 4, "∞"),
-        (-np.inf, 4, "−∞"),
-    ],
-)
+@pytest.mark.parametrize(("value", "figures", "text"), [
+    (1.80654, 5, "1.8065"),
+    (0.75937857, 4, "0.7594"),
+    (-2.9382, 3, "−2.94"),
+    (1234.5, 4, "1234" if f"{1234.5:.3e}" == "1.234e+03" else "1235"),
+    (0.0, 4, "0"),
+    (9.99996, 5, "10.000"),
+    (2.3e-7, 2, f"2.3{NB}×{NB}10⁻⁷"),
+    (-1.5e12, 2, f"−1.5{NB}×{NB}10¹²"),
+    (None, 4, "–"),
+    (np.nan, 4, "–"),
+    (np.inf, 4, "∞"),
+    (-np.inf, 4, "−∞"),
+])  # fmt: skip
 def test_number(value, figures, text):
     assert numbers.number(value, figures) == text
 
@@ -77,18 +74,15 @@ def test_setting(value, text):
     assert numbers.setting(value) == text
 
 
-@pytest.mark.parametrize(
-    ("value", "unit", "words"),
-    [
-        (0.1, "rad", "0.1 rad (5.73°)"),
-        (-2.5, "N m", "−2.5 N m"),
-        (3.0, "", "3"),
-        (None, "s", "–"),
-        (float("nan"), "s", "–"),
-        (float("inf"), "m", "–"),
-        (-0.0, "", "0"),
-    ],
-)
+@pytest.mark.parametrize(("value", "unit", "words"), [
+    (0.1, "rad", "0.1 rad (5.73°)"),
+    (-2.5, "N m", "−2.5 N m"),
+    (3.0, "", "3"),
+    (None, "s", "–"),
+    (float("nan"), "s", "–"),
+    (float("inf"), "m", "–"),
+    (-0.0, "", "0"),
+])  # fmt: skip
 def test_amounts_have_their_unit(value, unit, words):
     assert numbers.amount(value, unit) == words
 

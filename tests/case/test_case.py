@@ -64,17 +64,11 @@ def test_refinement_divides_the_timestep(root):
 NOISY = [{"kind": "noise", "output": "torque", "size": 1.0, "corner": 1, "seed": 1}]
 
 
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"initial": {"hip": 0.02}}, "simulation.initial names 'hip', which the model lacks; expected one of hinge"),
-        ({"disturbance": [{"kind": "step", "input": "x", "size": 1.0}]}, "names 'x', which the model lacks"),
-        (
-            {"disturbance": NOISY},
-            "simulation.disturbance names 'torque', which the model lacks; expected one of angle",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("keys", "words"), [
+    ({"initial": {"hip": 0.02}}, "simulation.initial names 'hip', which the model lacks; expected one of hinge"),
+    ({"disturbance": [{"kind": "step", "input": "x", "size": 1.0}]}, "names 'x', which the model lacks"),
+    ({"disturbance": NOISY}, "simulation.disturbance names 'torque', which the model lacks; expected one of angle"),
+])  # fmt: skip
 def test_names_the_model_does_not_have_are_refused_first(root, keys, words):
     run = load_run(root / "runs" / "simple-0.8.toml")
     with pytest.raises(RunFileError, match=f"simple-0.8.toml.*{words}"):

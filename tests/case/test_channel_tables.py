@@ -83,33 +83,27 @@ def test_the_engine_is_the_linear_plant_at_small_sway(continuous: RunFile) -> No
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"controller.P": 1.0}, "controller.P"),
-        ({"controller.channel": []}, "controller.channel"),
-        ({"controller.channel[0].share": 0.6}, "give slope or share, not both"),
-        ({"controller.channel[0].rate": "knee"}, "the plant's outputs are theta, omega"),
-        ({"controller.channel[0].input": "hip"}, "name the input of each channel"),
-        ({"controller.channel[0].dead_zone": -1.0}, "dead_zone"),
-        ({"controller.channel[0].position": {"theta": "x"}}, "position"),
-    ],
-)
+@pytest.mark.parametrize(("change", "words"), [
+    ({"controller.P": 1.0}, "controller.P"),
+    ({"controller.channel": []}, "controller.channel"),
+    ({"controller.channel[0].share": 0.6}, "give slope or share, not both"),
+    ({"controller.channel[0].rate": "knee"}, "the plant's outputs are theta, omega"),
+    ({"controller.channel[0].input": "hip"}, "name the input of each channel"),
+    ({"controller.channel[0].dead_zone": -1.0}, "dead_zone"),
+    ({"controller.channel[0].position": {"theta": "x"}}, "position"),
+])  # fmt: skip
 def test_what_is_wrong_with_channels_is_said(channelled: RunFile, change: dict, words: str) -> None:
     with pytest.raises(IcmjError, match=words):
         prepare(channelled.with_(**change))
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"controller.P": None}, "controller.P is missing"),
-        ({"controller.force": "knee"}, "the plant's outputs are theta, omega"),
-        ({"controller.force_gain": 1.0}, "it must be below 1"),
-        ({"controller.force_time": 0.0}, "force_time"),
-        ({"assumed.delay": None}, "delay of the delayed PID controller must be positive"),
-    ],
-)
+@pytest.mark.parametrize(("change", "words"), [
+    ({"controller.P": None}, "controller.P is missing"),
+    ({"controller.force": "knee"}, "the plant's outputs are theta, omega"),
+    ({"controller.force_gain": 1.0}, "it must be below 1"),
+    ({"controller.force_time": 0.0}, "force_time"),
+    ({"assumed.delay": None}, "delay of the delayed PID controller must be positive"),
+])  # fmt: skip
 def test_what_is_wrong_with_a_delayed_pid_is_said(continuous: RunFile, change: dict, words: str) -> None:
     with pytest.raises(IcmjError, match=words):
         prepare(continuous.with_(**change))

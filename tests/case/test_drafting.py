@@ -98,16 +98,10 @@ def test_weights_go_with_the_plant_s_gain(tmp_path):
     np.testing.assert_allclose(np.divide(*R), 1e-4, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("text", "trouble"),
-    [
-        (pendulum(MOTOR, joint='frictionloss="1"'), "dry friction: lean has dry friction"),
-        (
-            pendulum(MUSCLE),
-            "kink: the plant answers differently up and down in input 'ankle': a muscle",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("text", "trouble"), [
+    (pendulum(MOTOR, joint='frictionloss="1"'), "dry friction: lean has dry friction"),
+    (pendulum(MUSCLE), "kink: the plant answers differently up and down in input 'ankle': a muscle"),
+])  # fmt: skip
 def test_what_is_in_the_way_is_told_and_the_rest_is_written(tmp_path, text, trouble):
     draft = draft_run(written(tmp_path, text), tmp_path / "first.toml")
     assert draft.case is None

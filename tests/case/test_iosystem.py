@@ -135,19 +135,16 @@ def test_plants_alone_and_plants_of_cases(root):
     assert isinstance(icmj.to_iosystem(case.actual), control.NonlinearIOSystem)
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller()), "needs dt"),
-        (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(), dt=0.0), "dt must be positive"),
-        (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(Continuous()), dt=0.1), "a continuous trigger has"),
-        (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(delay=Delay(0.1, 0.1)), dt=0.1), "with a delay"),
-        (
-            lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(ClockTrigger(0.5), delay=Delay(0.1, 0.1))),
-            "with a delay",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("make", "words"), [
+    (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller()), "needs dt"),
+    (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(), dt=0.0), "dt must be positive"),
+    (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(Continuous()), dt=0.1), "a continuous trigger has"),
+    (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(delay=Delay(0.1, 0.1)), dt=0.1), "with a delay"),
+    (
+        lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(ClockTrigger(0.5), delay=Delay(0.1, 0.1))),
+        "with a delay",
+    ),
+])  # fmt: skip
 def test_what_has_no_such_form_is_refused(make, words):
     with pytest.raises(AnalysisError, match=words):
         make()

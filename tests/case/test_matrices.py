@@ -100,33 +100,30 @@ def test_files_of_matrices(tmp_path, capsys, root):
         assert case.assumed.linearisation.plant.output_units == (unit,) * 3
 
 
-@pytest.mark.parametrize(
-    ("assumed", "actual", "words"),
-    [
-        ("", "", "assumed: no plant; name its model, or give matrices A, B and C"),
-        ("A = [[0]]", "", "assumed: a plant needs A, B and C; B and C is not there"),
-        (f'{PENDULUM}\nmodel = "m.xml"', "", "assumed: a plant given by matrices has no model"),
-        (f'{PENDULUM}\nkeyframe = "k"', "", "assumed: a plant given by matrices has no keyframe"),
-        (f'{PENDULUM}\nmatrices = "m.npz"', "", "assumed: give either matrices or A and B and C"),
-        (PENDULUM, "change = [{ what = 'gravity', factor = 2 }]", "actual: a plant given by matrices has no change"),
-        (PENDULUM, "gain = [1, 2]", "actual: gain has 2 entries for 1 inputs"),
-        (PENDULUM.replace("[1, 0]]", "[1]]"), "", "assumed: A is not a matrix: rows differ in length"),
-        (PENDULUM.replace("B = [0, 1]", "B = [0, 1, 2]"), "", "assumed: plant matrices do not fit: A (2, 2), B (3, 1)"),
-        (PENDULUM.replace('"hinge_rate"', '"hinge"'), "", "assumed: states: 'hinge' is named twice"),
-        (PENDULUM.replace(', "hinge_rate"', ""), "", "assumed: plant has 2 states but 1 names"),
-        (f"{PENDULUM}\nunits = {{ angle = 'rad' }}", "", "assumed: units: no 'angle' in the plant"),
-        (PENDULUM, "A = [[1]]\nB = [[1, 1]]\nC = [[1]]", "actual: inputs u0, u1; expected those of the assumed plant"),
-        (PENDULUM, "A = [[1]]\nB = [[1]]\nC = [[1]]\nrho = 0.5", "actual: the family in ρ needs"),
-        ('matrices = "none.npz"', "", "none.npz: cannot be read (No such file"),
-        ('matrices = "bad.npz"', "", "bad.npz: holds no matrices that can be read"),
-        ('matrices = "bad.json"', "", "bad.json: holds no matrices that can be read"),
-        ('matrices = "half.json"', "", "half.json: expected the matrices A, B and C"),
-        ('matrices = "words.json"', "", "words.json: A is not a matrix"),
-        ('matrices = "mine.mat"', "", "mine.mat: matrices are read from .npz and .json"),
-        ('matrices = "through.json"', "", "through.json: the plant has a direct feed-through D"),
-        ('model = "m.xml"\nunits = { x = "rad" }', "", "assumed: units are those of a plant given by matrices"),
-    ],
-)
+@pytest.mark.parametrize(("assumed", "actual", "words"), [
+    ("", "", "assumed: no plant; name its model, or give matrices A, B and C"),
+    ("A = [[0]]", "", "assumed: a plant needs A, B and C; B and C is not there"),
+    (f'{PENDULUM}\nmodel = "m.xml"', "", "assumed: a plant given by matrices has no model"),
+    (f'{PENDULUM}\nkeyframe = "k"', "", "assumed: a plant given by matrices has no keyframe"),
+    (f'{PENDULUM}\nmatrices = "m.npz"', "", "assumed: give either matrices or A and B and C"),
+    (PENDULUM, "change = [{ what = 'gravity', factor = 2 }]", "actual: a plant given by matrices has no change"),
+    (PENDULUM, "gain = [1, 2]", "actual: gain has 2 entries for 1 inputs"),
+    (PENDULUM.replace("[1, 0]]", "[1]]"), "", "assumed: A is not a matrix: rows differ in length"),
+    (PENDULUM.replace("B = [0, 1]", "B = [0, 1, 2]"), "", "assumed: plant matrices do not fit: A (2, 2), B (3, 1)"),
+    (PENDULUM.replace('"hinge_rate"', '"hinge"'), "", "assumed: states: 'hinge' is named twice"),
+    (PENDULUM.replace(', "hinge_rate"', ""), "", "assumed: plant has 2 states but 1 names"),
+    (f"{PENDULUM}\nunits = {{ angle = 'rad' }}", "", "assumed: units: no 'angle' in the plant"),
+    (PENDULUM, "A = [[1]]\nB = [[1, 1]]\nC = [[1]]", "actual: inputs u0, u1; expected those of the assumed plant"),
+    (PENDULUM, "A = [[1]]\nB = [[1]]\nC = [[1]]\nrho = 0.5", "actual: the family in ρ needs"),
+    ('matrices = "none.npz"', "", "none.npz: cannot be read (No such file"),
+    ('matrices = "bad.npz"', "", "bad.npz: holds no matrices that can be read"),
+    ('matrices = "bad.json"', "", "bad.json: holds no matrices that can be read"),
+    ('matrices = "half.json"', "", "half.json: expected the matrices A, B and C"),
+    ('matrices = "words.json"', "", "words.json: A is not a matrix"),
+    ('matrices = "mine.mat"', "", "mine.mat: matrices are read from .npz and .json"),
+    ('matrices = "through.json"', "", "through.json: the plant has a direct feed-through D"),
+    ('model = "m.xml"\nunits = { x = "rad" }', "", "assumed: units are those of a plant given by matrices"),
+])  # fmt: skip
 def test_what_makes_no_plant_is_one_line(assumed, actual, words, tmp_path):
     (tmp_path / "bad.npz").write_bytes(b"PK\x03\x04 and no more")
     (tmp_path / "bad.json").write_text("[1, 2")
@@ -139,16 +136,13 @@ def test_what_makes_no_plant_is_one_line(assumed, actual, words, tmp_path):
     assert str(raised.value).startswith(f"{tmp_path}/")
 
 
-@pytest.mark.parametrize(
-    ("beside", "words"),
-    [
-        ({"E": np.diag([1.0, 2.0])}, "descriptor system"),
-        ({"dt": 0.1}, "discrete-time system, dt = 0.1"),
-        ({"D": [[1.0]]}, "direct feed-through"),
-        ({"A": np.array([[0, 1], [1, 1j]])}, "A is complex"),
-        ({"E": np.eye(2), "dt": 0, "D": [[0.0]]}, None),
-    ],
-)
+@pytest.mark.parametrize(("beside", "words"), [
+    ({"E": np.diag([1.0, 2.0])}, "descriptor system"),
+    ({"dt": 0.1}, "discrete-time system, dt = 0.1"),
+    ({"D": [[1.0]]}, "direct feed-through"),
+    ({"A": np.array([[0, 1], [1, 1j]])}, "A is complex"),
+    ({"E": np.eye(2), "dt": 0, "D": [[0.0]]}, None),
+])  # fmt: skip
 @pytest.mark.parametrize("kind", ["npz", "json"])
 def test_what_stands_beside_the_matrices_is_not_passed_over(tmp_path, kind, beside, words):
     data = {"A": [[0, 1], [1, 0]], "B": [0, 1], "C": [1, 0]} | beside
@@ -254,17 +248,14 @@ def test_gains_and_hold_of_one_s_own(shipped):
     np.testing.assert_allclose(case.controller.design.L, design.L, rtol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"design.k": [1, 2]}, "design: give either k or R_c"),
-        ({"design": {"k": [1, 2, 3]}}, "gains do not fit the plant"),
-        ({"design": {"L": [[1, 2], [3]]}}, "L is not a matrix"),
-        ({"controller.hold": "own"}, 'A_h is the matrix of hold = "own"'),
-        ({"controller.A_h": [[0, 0], [0, 0]]}, 'A_h is the matrix of hold = "own"'),
-        ({"controller.hold": "own", "controller.A_h": [[0]]}, "A_h does not fit"),
-    ],
-)
+@pytest.mark.parametrize(("keys", "words"), [
+    ({"design.k": [1, 2]}, "design: give either k or R_c"),
+    ({"design": {"k": [1, 2, 3]}}, "gains do not fit the plant"),
+    ({"design": {"L": [[1, 2], [3]]}}, "L is not a matrix"),
+    ({"controller.hold": "own"}, 'A_h is the matrix of hold = "own"'),
+    ({"controller.A_h": [[0, 0], [0, 0]]}, 'A_h is the matrix of hold = "own"'),
+    ({"controller.hold": "own", "controller.A_h": [[0]]}, "A_h does not fit"),
+])  # fmt: skip
 def test_what_is_no_gain_or_hold_is_one_line(keys, words):
     with pytest.raises(IcmjError, match=words):
         prepare(made().with_(**keys))

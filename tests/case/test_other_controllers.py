@@ -238,16 +238,13 @@ def test_the_same_command_lines_serve_it(run_path, predicting, kind, capsys) -> 
         assert main(command) == 0
 
 
-@pytest.mark.parametrize(
-    ("kind", "command", "words"),
-    [
-        ("switching", "continue --parameter q_t --to 1", "no parameter 'q_t'; expected P, D, slope"),
-        ("switching", "continue --parameter P --to 9 --plant mujoco", "on the linear plant (--plant linear)"),
-        ("switching", "cycle --plant linear --set controller.P=900", "no cycle: the motion fell"),
-        ("predictor", "cycle", "a controller that never switches has no cycle of its own"),
-        ("predictor", "continue --parameter b --from 1 --to 0.9", "only branches of intermittent"),
-    ],
-)
+@pytest.mark.parametrize(("kind", "command", "words"), [
+    ("switching", "continue --parameter q_t --to 1", "no parameter 'q_t'; expected P, D, slope"),
+    ("switching", "continue --parameter P --to 9 --plant mujoco", "on the linear plant (--plant linear)"),
+    ("switching", "cycle --plant linear --set controller.P=900", "no cycle: the motion fell"),
+    ("predictor", "cycle", "a controller that never switches has no cycle of its own"),
+    ("predictor", "continue --parameter b --from 1 --to 0.9", "only branches of intermittent"),
+])  # fmt: skip
 def test_what_makes_no_sense_is_one_line(run_path, predicting, kind, command, words, capsys) -> None:
     first, *more = command.split()
     assert main([first, str(run_path if kind == "switching" else predicting), *more]) == 2
@@ -290,23 +287,20 @@ def test_a_case_of_any_controller_says_whether_it_has_a_prediction(root: Path, r
         expect_prediction(other, "a cycle")
 
 
-@pytest.mark.parametrize(
-    ("kind", "change", "words"),
-    [
-        ("switching", {"controller.P": None}, "controller.P is missing"),
-        ("switching", {"controller.kind": "switched"}, "'predictor', 'switching', 'delayed-pid' or the module:name"),
-        ("switching", {"controller.q_t": 0.1}, "controller.q_t"),
-        ("switching", {"controller.position": "knee"}, "the plant's outputs are angle, speed"),
-        ("switching", {"assumed.delay": None}, "the delay of the switching controller must be positive"),
-        ("switching", {"controller.dead_zone": -1.0}, "controller.dead_zone"),
-        ("predictor", {"assumed.delay": None, "actual.delay": None}, "predicts over a delay, and there is none"),
-        ("predictor", {"actual.delay": None, "assumed.delay": 60.0}, "leaves no significant digit"),
-        ("predictor", {"controller.q_t": 0.1}, "controller.q_t"),
-        ("predictor", {"design.R_c": -1.0}, "R_c"),
-        ("predictor", {"setpoint[0].output": "knee"}, "the assumed plant's outputs are"),
-        ("predictor", {"simulation.observer": {"hinge": 0.1}}, "leave out where they start"),
-    ],
-)
+@pytest.mark.parametrize(("kind", "change", "words"), [
+    ("switching", {"controller.P": None}, "controller.P is missing"),
+    ("switching", {"controller.kind": "switched"}, "'predictor', 'switching', 'delayed-pid' or the module:name"),
+    ("switching", {"controller.q_t": 0.1}, "controller.q_t"),
+    ("switching", {"controller.position": "knee"}, "the plant's outputs are angle, speed"),
+    ("switching", {"assumed.delay": None}, "the delay of the switching controller must be positive"),
+    ("switching", {"controller.dead_zone": -1.0}, "controller.dead_zone"),
+    ("predictor", {"assumed.delay": None, "actual.delay": None}, "predicts over a delay, and there is none"),
+    ("predictor", {"actual.delay": None, "assumed.delay": 60.0}, "leaves no significant digit"),
+    ("predictor", {"controller.q_t": 0.1}, "controller.q_t"),
+    ("predictor", {"design.R_c": -1.0}, "R_c"),
+    ("predictor", {"setpoint[0].output": "knee"}, "the assumed plant's outputs are"),
+    ("predictor", {"simulation.observer": {"hinge": 0.1}}, "leave out where they start"),
+])  # fmt: skip
 def test_what_is_wrong_is_said(run_path: Path, predicting: Path, kind: str, change: dict, words: str) -> None:
     run = load_run(run_path if kind == "switching" else predicting)
     with pytest.raises(IcmjError, match=words):

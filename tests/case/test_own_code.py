@@ -216,41 +216,35 @@ def test_noise_of_ones_own_is_drawn_once_and_a_log_keeps_it(own: Path, capsys: p
         (own.parent / "rules.py").write_text(source, encoding="utf-8")
 
 
-@pytest.mark.parametrize(
-    ("table", "words"),
-    [
-        ({"kind": "rules:absent"}, "the module has no 'absent'"),
-        ({"kind": "rules:nothing", "parameters": {"simulation": 1.0}}, "expected rows"),
-        ({"kind": "rules:broken"}, "a mistake of mine"),
-        ({"kind": "rules:tremor"}, "fails"),
-        ({"kind": "sinusoid"}, "or the module:name of code of your own, got 'sinusoid'; did you mean sinusoids"),
-        ({"kind": "sinusoids", "terms": []}, "0 terms: expected between 1 and 2000"),
-        ({"kind": "sinusoids", "terms": [[1.0, 2.0]]}, "has 2 entries"),
-        ({"kind": "sinusoids", "terms": [[1.0, 2.0, 3.0, 1.0]]}, "got 4 numbers"),
-        ({"kind": "sinusoids", "terms": [[1.0, -2.0, 3.0]]}, "is negative"),
-        ({"kind": "sinusoids", "terms": [[1.0, 2.0, 3.0, 2.0, 1.0]]}, "to a later end"),
-    ],
-)
+@pytest.mark.parametrize(("table", "words"), [
+    ({"kind": "rules:absent"}, "the module has no 'absent'"),
+    ({"kind": "rules:nothing", "parameters": {"simulation": 1.0}}, "expected rows"),
+    ({"kind": "rules:broken"}, "a mistake of mine"),
+    ({"kind": "rules:tremor"}, "fails"),
+    ({"kind": "sinusoid"}, "or the module:name of code of your own, got 'sinusoid'; did you mean sinusoids"),
+    ({"kind": "sinusoids", "terms": []}, "0 terms: expected between 1 and 2000"),
+    ({"kind": "sinusoids", "terms": [[1.0, 2.0]]}, "has 2 entries"),
+    ({"kind": "sinusoids", "terms": [[1.0, 2.0, 3.0, 1.0]]}, "got 4 numbers"),
+    ({"kind": "sinusoids", "terms": [[1.0, -2.0, 3.0]]}, "is negative"),
+    ({"kind": "sinusoids", "terms": [[1.0, 2.0, 3.0, 2.0, 1.0]]}, "to a later end"),
+])  # fmt: skip
 def test_noise_that_is_none_is_one_line(own: Path, table: dict, words: str) -> None:
     with pytest.raises(RunFileError, match=words):
         prepare(load_run(own, allow_code=True).with_(**{"simulation.disturbance": [{"input": "torque"} | table]}))
 
 
-@pytest.mark.parametrize(
-    ("changes", "error", "words"),
-    [
-        ({"controller.rule": "absent:Rule"}, RunFileError, "importing it fails"),
-        ({"controller.rule": "rules:Absent"}, RunFileError, "the module has no 'Absent'"),
-        ({"controller.rule": "rules:halved"}, RunFileError, "fails"),
-        ({"controller.rule": "rules:broken"}, RunFileError, "a mistake of mine"),
-        ({"controller.parameters": {"c": 1.0}}, RunFileError, "fails"),
-        ({"controller.q_t": 0.1}, RunFileError, "has no key q_t"),
-        ({"controller.rule": "box", "controller.threshold": 0.1}, RunFileError, "the box rule has no parameters"),
-        ({"controller.hold": "rules:broken"}, RunFileError, "a mistake of mine"),
-        ({"controller.hold_parameters": {"a": 1}}, RunFileError, "hold has no parameters"),
-        ({"actual.edit": "rules:broken"}, ModelError, "a mistake of mine"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "error", "words"), [
+    ({"controller.rule": "absent:Rule"}, RunFileError, "importing it fails"),
+    ({"controller.rule": "rules:Absent"}, RunFileError, "the module has no 'Absent'"),
+    ({"controller.rule": "rules:halved"}, RunFileError, "fails"),
+    ({"controller.rule": "rules:broken"}, RunFileError, "a mistake of mine"),
+    ({"controller.parameters": {"c": 1.0}}, RunFileError, "fails"),
+    ({"controller.q_t": 0.1}, RunFileError, "has no key q_t"),
+    ({"controller.rule": "box", "controller.threshold": 0.1}, RunFileError, "the box rule has no parameters"),
+    ({"controller.hold": "rules:broken"}, RunFileError, "a mistake of mine"),
+    ({"controller.hold_parameters": {"a": 1}}, RunFileError, "hold has no parameters"),
+    ({"actual.edit": "rules:broken"}, ModelError, "a mistake of mine"),
+])  # fmt: skip
 def test_what_is_wrong_is_one_line(own: Path, changes: dict, error: type, words: str) -> None:
     with pytest.raises(error, match=words):
         prepare(load_run(own, allow_code=True).with_(**changes))
@@ -263,13 +257,10 @@ def test_a_measure_that_gives_no_numbers_is_told(own: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["simple-0.8", "one-link-delayed-pd"])
-@pytest.mark.parametrize(
-    ("reference", "allowed", "words"),
-    [
-        ("rules:longest", [], "rules:longest names Python code, which is not run unasked"),
-        ("rules:absent", ["--allow-code"], "the module has no 'absent'"),
-    ],
-)
+@pytest.mark.parametrize(("reference", "allowed", "words"), [
+    ("rules:longest", [], "rules:longest names Python code, which is not run unasked"),
+    ("rules:absent", ["--allow-code"], "the module has no 'absent'"),
+])  # fmt: skip
 def test_a_measure_that_cannot_be_taken_costs_no_run(
     tmp_path: Path,
     root: Path,

@@ -118,20 +118,17 @@ def test_other_controllers_have_none(case):
         case.run.with_(controller=other)
 
 
-@pytest.mark.parametrize(
-    ("tables", "words"),
-    [
-        ([{"output": "shnk", "kind": "step", "size": 1.0}], "shnk.*outputs are"),
-        ([{"output": "shank", "kind": "step"}], r"setpoint\[0\].*size"),
-        ([{"output": "shank", "kind": "stair", "size": 1.0}], "stair"),
-        ([{"kind": "step", "size": 1.0}], "one of output and combination"),
-        ([{"combination": {"shank": 1.0}, "kind": "step", "size": 1.0}], "a combination needs a name"),
-        ([{"output": "shank", "kind": "sines", "size": [1.0], "frequencies": [1.0, 2.0]}], "1 numbers for 2"),
-        ([{"output": "shank_rate", "kind": "step", "size": 1.0}], "outputs are|no steady state"),
-        ([{"output": "ankle_rate", "kind": "step", "size": 1.0}], "no steady state"),
-        ([{"output": "shank", "kind": "sines", "size": 1.0, "frequencies": []}], "frequencies"),
-    ],
-)
+@pytest.mark.parametrize(("tables", "words"), [
+    ([{"output": "shnk", "kind": "step", "size": 1.0}], "shnk.*outputs are"),
+    ([{"output": "shank", "kind": "step"}], r"setpoint\[0\].*size"),
+    ([{"output": "shank", "kind": "stair", "size": 1.0}], "stair"),
+    ([{"kind": "step", "size": 1.0}], "one of output and combination"),
+    ([{"combination": {"shank": 1.0}, "kind": "step", "size": 1.0}], "a combination needs a name"),
+    ([{"output": "shank", "kind": "sines", "size": [1.0], "frequencies": [1.0, 2.0]}], "1 numbers for 2"),
+    ([{"output": "shank_rate", "kind": "step", "size": 1.0}], "outputs are|no steady state"),
+    ([{"output": "ankle_rate", "kind": "step", "size": 1.0}], "no steady state"),
+    ([{"output": "shank", "kind": "sines", "size": 1.0, "frequencies": []}], "frequencies"),
+])  # fmt: skip
 def test_bad_tables_are_told_in_one_line(case, tables, words):
     with pytest.raises((RunFileError, AnalysisError), match=words) as told:
         prepare(case.run.with_(setpoint=tables))
@@ -191,16 +188,13 @@ def test_a_log_carries_the_file_that_was_followed(recorded, tmp_path_factory):
         assert prepare(again).setpoint(1.5) == pytest.approx(np.radians(-0.6), abs=1e-15)
 
 
-@pytest.mark.parametrize(
-    ("content", "changes", "words"),
-    [
-        (None, {"file": "none.csv"}, "none.csv"),
-        (None, {"column": "neck"}, "neck"),
-        ("t [s],head [deg]\n0,0.1\n1,\n2,0.2\n", {}, "row 2; fill its gaps"),
-        ("t [s],head [deg]\n" + "".join(f"{i * 1e-4},{i * i % 7}\n" for i in range(12_000)), {}, "set its interval"),
-        (None, {"interval": 1e-7}, "expected at most 5000"),
-    ],
-)
+@pytest.mark.parametrize(("content", "changes", "words"), [
+    (None, {"file": "none.csv"}, "none.csv"),
+    (None, {"column": "neck"}, "neck"),
+    ("t [s],head [deg]\n0,0.1\n1,\n2,0.2\n", {}, "row 2; fill its gaps"),
+    ("t [s],head [deg]\n" + "".join(f"{i * 1e-4},{i * i % 7}\n" for i in range(12_000)), {}, "set its interval"),
+    (None, {"interval": 1e-7}, "expected at most 5000"),
+])  # fmt: skip
 def test_a_file_that_cannot_be_followed_is_told_in_one_line(recorded, content, changes, words):
     run, folder = recorded
     if content is not None:

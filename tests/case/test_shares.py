@@ -48,17 +48,14 @@ def test_the_command_is_what_a_set_point_adds_to_too(root):
     np.testing.assert_allclose(runs[1].events.t, runs[0].events.t, atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ({"size": 1.0}, "give size or share, not both"),
-        ({"share": -0.1}, "share"),
-        ({"share": 0.0}, "share"),
-        ({"input": None, "output": "shank"}, "a share is of a command"),
-        ({"on": "body"}, "a share is of a command"),
-        ({"input": None, "body": "trunk", "force": [1.0, 0.0, 0.0]}, "a share is of a command"),
-    ],
-)
+@pytest.mark.parametrize(("wrong", "words"), [
+    ({"size": 1.0}, "give size or share, not both"),
+    ({"share": -0.1}, "share"),
+    ({"share": 0.0}, "share"),
+    ({"input": None, "output": "shank"}, "a share is of a command"),
+    ({"on": "body"}, "a share is of a command"),
+    ({"input": None, "body": "trunk", "force": [1.0, 0.0, 0.0]}, "a share is of a command"),
+])  # fmt: skip
 def test_what_does_not_fit_is_one_line(root, wrong, words):
     table = {key: value for key, value in {**MOTOR, **wrong}.items() if value is not None}
     with pytest.raises(IcmjError, match=words):

@@ -25,18 +25,15 @@ def recording(tmp_path):
     return path
 
 
-@pytest.mark.parametrize(
-    ("more", "line"),
-    [
-        ((), "no family; give --model"),
-        (("--model", "event", "--table", "people.csv"), "either recordings or --table"),
-        (("--model", "event", "--simulations", "10"), "--simulations 10: expected at least 200"),
-        (("--model", "event", "--draws", "1"), "--draws 1: expected at least 100"),
-        (("--model", "event", "--hold-out", "-1"), "--hold-out -1: expected at least 0"),
-        (("--model", "event", "--jobs", "0"), "--jobs 0: expected at least 1"),
-        (("--model", "event"), "which column is front to back"),
-    ],
-)
+@pytest.mark.parametrize(("more", "line"), [
+    ((), "no family; give --model"),
+    (("--model", "event", "--table", "people.csv"), "either recordings or --table"),
+    (("--model", "event", "--simulations", "10"), "--simulations 10: expected at least 200"),
+    (("--model", "event", "--draws", "1"), "--draws 1: expected at least 100"),
+    (("--model", "event", "--hold-out", "-1"), "--hold-out -1: expected at least 0"),
+    (("--model", "event", "--jobs", "0"), "--jobs 0: expected at least 1"),
+    (("--model", "event"), "which column is front to back"),
+])  # fmt: skip
 def test_one_line_each(recording, more, line, capsys, tmp_path) -> None:
     assert main(["fit", str(recording), *more, "--out", str(tmp_path / "out")]) != 0
     said = capsys.readouterr().err.strip()
@@ -66,25 +63,22 @@ def test_a_delay_is_said_not_to_be_identified_before_anything_is_simulated(
     assert ("the delay cannot be identified from quiet standing" in said) is not known
 
 
-@pytest.mark.parametrize(
-    ("table", "line"),
-    [
-        ("file,who\nanna.csv,anna\n", "no column 'person'"),
-        ("file,person,age\nanna.csv,anna,30\n", "unknown column 'age'"),
-        ("file,person\n", "lists no people"),
-        ("file,person\nanna.csv,\n", "line 2: lacks the file or the person"),
-        ("file,person\n\nanna.csv\n", "line 3: lacks the file or the person"),
-        ("file,person\nanna.csv,anna,first\n", "line 2: has 3 cells, and the header 2"),
-        ("file,person,file\nanna.csv,anna,anna.csv\n", "has the column 'file' twice"),
-        ("file,person,column\nanna.csv,anna,first\n./anna.csv,anna,first\n", "./anna.csv is given twice for anna"),
-        ("file,person\n" + "anna.csv,anna\n" * 900_000, "has 12.6 MB or more; expected at most 10 MB"),
-        ('file,person\n"anna.csv,anna\n', "is not a table of text (unexpected end of data)"),
-        ("file,person\n/dev/zero,anna\n", "/dev/zero"),
-        ("file,person\npipe,anna\n", "pipe"),
-        ("file,person,column\nanna.csv,anna,third\n", "third"),
-        ("file,person\nberta.csv,berta\n", "berta.csv"),
-    ],
-)
+@pytest.mark.parametrize(("table", "line"), [
+    ("file,who\nanna.csv,anna\n", "no column 'person'"),
+    ("file,person,age\nanna.csv,anna,30\n", "unknown column 'age'"),
+    ("file,person\n", "lists no people"),
+    ("file,person\nanna.csv,\n", "line 2: lacks the file or the person"),
+    ("file,person\n\nanna.csv\n", "line 3: lacks the file or the person"),
+    ("file,person\nanna.csv,anna,first\n", "line 2: has 3 cells, and the header 2"),
+    ("file,person,file\nanna.csv,anna,anna.csv\n", "has the column 'file' twice"),
+    ("file,person,column\nanna.csv,anna,first\n./anna.csv,anna,first\n", "./anna.csv is given twice for anna"),
+    ("file,person\n" + "anna.csv,anna\n" * 900_000, "has 12.6 MB or more; expected at most 10 MB"),
+    ('file,person\n"anna.csv,anna\n', "is not a table of text (unexpected end of data)"),
+    ("file,person\n/dev/zero,anna\n", "/dev/zero"),
+    ("file,person\npipe,anna\n", "pipe"),
+    ("file,person,column\nanna.csv,anna,third\n", "third"),
+    ("file,person\nberta.csv,berta\n", "berta.csv"),
+])  # fmt: skip
 def test_a_wrong_table_is_one_line(recording, table, line, capsys, tmp_path) -> None:
     path = tmp_path / "people.csv"
     path.write_text(table)

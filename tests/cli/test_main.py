@@ -126,29 +126,26 @@ def test_run_writes_a_log_that_reads_back(root, tmp_path, capsys):
     assert read_log(log).growth is not None
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["analyse"], "missing PATH"),
-        (["analyse", "none.toml"], "none.toml: cannot be read"),
-        (["analyse", "bad.toml"], "bad.toml: not TOML"),
-        (["analyse", "lost.toml"], "no such model file"),
-        (["run", "lost.toml"], "no such model file"),
-        (["cycle", "lost.toml"], "no such model file"),
-        (["continue", "lost.toml", "--parameter", "strength", "--to", "1"], "no parameter 'strength'"),
-        (["continue", "lost.toml", "--parameter", "b", "--to", "2"], "no such model file"),
-        (["run", "lost.toml", "--plant", "paper"], "--plant"),
-        (["study", "lost.toml"], "no such model file"),
-        (["study", "empty"], "no run file"),
-        (["study", "--jobs", "0", "lost.toml"], "--jobs 0"),
-        (["report", "none.rrd"], "none.rrd"),
-        (["report"], "at least one log"),
-        (["replay", "none.rrd", "--screenshot", "a.png"], "none.rrd"),
-        (["linearise", "bad.toml"], "bad.toml: not a usable MJCF model"),
-        (["dance"], "dance"),
-        (["analyse", "bad.toml", "--yaml"], "--yaml"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["analyse"], "missing PATH"),
+    (["analyse", "none.toml"], "none.toml: cannot be read"),
+    (["analyse", "bad.toml"], "bad.toml: not TOML"),
+    (["analyse", "lost.toml"], "no such model file"),
+    (["run", "lost.toml"], "no such model file"),
+    (["cycle", "lost.toml"], "no such model file"),
+    (["continue", "lost.toml", "--parameter", "strength", "--to", "1"], "no parameter 'strength'"),
+    (["continue", "lost.toml", "--parameter", "b", "--to", "2"], "no such model file"),
+    (["run", "lost.toml", "--plant", "paper"], "--plant"),
+    (["study", "lost.toml"], "no such model file"),
+    (["study", "empty"], "no run file"),
+    (["study", "--jobs", "0", "lost.toml"], "--jobs 0"),
+    (["report", "none.rrd"], "none.rrd"),
+    (["report"], "at least one log"),
+    (["replay", "none.rrd", "--screenshot", "a.png"], "none.rrd"),
+    (["linearise", "bad.toml"], "bad.toml: not a usable MJCF model"),
+    (["dance"], "dance"),
+    (["analyse", "bad.toml", "--yaml"], "--yaml"),
+])  # fmt: skip
 def test_bad_input_is_one_line_status_2_and_no_file(arguments, words, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").mkdir()

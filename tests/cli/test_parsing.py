@@ -11,31 +11,25 @@ from icmj.cli.parsing import parse
 from icmj.errors import IcmjError
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("analyze x", "no command 'analyze'; did you mean analyse?"),
-        ("linearize x", "did you mean linearise?"),
-        ("dance", "no command 'dance'; there are cases, new, person, linearise, schema, analyse, "),
-        ("analyse x --jsn", "analyse has no option --jsn; did you mean --json?; see icmj analyse --help"),
-        ("run x --plan=linear", "run has no option --plan; did you mean --plant?"),
-        ("run x -p linear", "run has no option -p; see"),
-        (
-            "continue x --from 1 --to 2 --parameter b --branch",
-            "continue has no option --branch; did you mean --branches?",
-        ),
-        ("continue x --to 1 --parameter b --form 1", "continue has no option --form; did you mean --from?"),
-        ("continue x", "continue: missing --parameter STR and --to FLOAT; see icmj continue --help"),
-        ("--vresion", "icmj has no option --vresion; did you mean --version?"),
-        ("analyse x y", "analyse: one argument too many, y"),
-        ("analyse", "analyse: missing PATH (Run file"),
-        ("run x --plant lineal", "--plant: expected linear or mujoco, got 'lineal'; did you mean linear?"),
-        ("person x --height tall", "--height: expected a number, got 'tall'"),
-        ("replay x --time late", "--time: expected a number, got 'late'"),
-        ("study --jobs two", "--jobs: expected a whole number, got 'two'"),
-        ("run x --out", "--out: its value is missing"),
-    ],
-)
+@pytest.mark.parametrize(("words", "said"), [
+    ("analyze x", "no command 'analyze'; did you mean analyse?"),
+    ("linearize x", "did you mean linearise?"),
+    ("dance", "no command 'dance'; there are cases, new, person, linearise, schema, analyse, "),
+    ("analyse x --jsn", "analyse has no option --jsn; did you mean --json?; see icmj analyse --help"),
+    ("run x --plan=linear", "run has no option --plan; did you mean --plant?"),
+    ("run x -p linear", "run has no option -p; see"),
+    ("continue x --from 1 --to 2 --parameter b --branch", "continue has no option --branch; did you mean --branches?"),
+    ("continue x --to 1 --parameter b --form 1", "continue has no option --form; did you mean --from?"),
+    ("continue x", "continue: missing --parameter STR and --to FLOAT; see icmj continue --help"),
+    ("--vresion", "icmj has no option --vresion; did you mean --version?"),
+    ("analyse x y", "analyse: one argument too many, y"),
+    ("analyse", "analyse: missing PATH (Run file"),
+    ("run x --plant lineal", "--plant: expected linear or mujoco, got 'lineal'; did you mean linear?"),
+    ("person x --height tall", "--height: expected a number, got 'tall'"),
+    ("replay x --time late", "--time: expected a number, got 'late'"),
+    ("study --jobs two", "--jobs: expected a whole number, got 'two'"),
+    ("run x --out", "--out: its value is missing"),
+])  # fmt: skip
 @pytest.mark.parametrize("columns", ["80", "40"])
 def test_one_line_says_what_was_meant(words, said, columns, monkeypatch):
     monkeypatch.setenv("COLUMNS", columns)

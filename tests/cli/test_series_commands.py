@@ -98,33 +98,30 @@ FILES = {
 }
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["export"], "missing PATH"),
-        (["export", "none.rrd"], "none.rrd: no such log"),
-        (["export", "LOG", "--rate", "0"], "a rate must be positive"),
-        (["export", "LOG", "--rate", "1e12"], "expected at most"),
-        (["export", "LOG", "--to", "npz", "--out", "run.csv"], "ends in .npz, as --to says"),
-        (["export", "LOG", "--out", "run.xlsx"], "ends in .csv, .parquet, .npz"),
-        (["export", "LOG", "--to", "xlsx"], "--to"),
-        (["measure"], "missing PATH"),
-        (["measure", "none.csv"], "none.csv: cannot be read (No such file"),
-        (["measure", "none.rrd"], "none.rrd: no such log"),
-        (["measure", "gap.csv"], "gap.csv: a gap of 1 s after 3 s"),
-        (["measure", "nan.csv"], "nan.csv: a: 399 of 900 values are missing or not finite, the first at 5.01 s"),
-        (["measure", "short.csv"], "short.csv: 2 rows; expected at least 20"),
-        (["measure", "short.csv", "--since", "9"], "short.csv: 0 rows"),
-        (["measure", "wide.csv"], "wide.csv: 8 signals (a, b, c, d, ...); name up to 6 by --columns"),
-        (["measure", "clockless.csv"], "say with --rate how many rows a second has"),
-        (["measure", "words.csv"], "no rows of numbers"),
-        (["measure", "LOG", "--columns", "hip"], "no column 'hip'"),
-        (["measure", "LOG", "--low-pass", "60"], "low-pass of 60 Hz"),
-        (["measure", "LOG", "--band", "5", "1"], "a band of 5 to 1 Hz"),
-        (["measure", "LOG", "--torque", "torque"], "--torque and --weight go together"),
-        (["measure", "LOG", "--torque", "torque", "--weight", "0"], "a weight must be positive"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["export"], "missing PATH"),
+    (["export", "none.rrd"], "none.rrd: no such log"),
+    (["export", "LOG", "--rate", "0"], "a rate must be positive"),
+    (["export", "LOG", "--rate", "1e12"], "expected at most"),
+    (["export", "LOG", "--to", "npz", "--out", "run.csv"], "ends in .npz, as --to says"),
+    (["export", "LOG", "--out", "run.xlsx"], "ends in .csv, .parquet, .npz"),
+    (["export", "LOG", "--to", "xlsx"], "--to"),
+    (["measure"], "missing PATH"),
+    (["measure", "none.csv"], "none.csv: cannot be read (No such file"),
+    (["measure", "none.rrd"], "none.rrd: no such log"),
+    (["measure", "gap.csv"], "gap.csv: a gap of 1 s after 3 s"),
+    (["measure", "nan.csv"], "nan.csv: a: 399 of 900 values are missing or not finite, the first at 5.01 s"),
+    (["measure", "short.csv"], "short.csv: 2 rows; expected at least 20"),
+    (["measure", "short.csv", "--since", "9"], "short.csv: 0 rows"),
+    (["measure", "wide.csv"], "wide.csv: 8 signals (a, b, c, d, ...); name up to 6 by --columns"),
+    (["measure", "clockless.csv"], "say with --rate how many rows a second has"),
+    (["measure", "words.csv"], "no rows of numbers"),
+    (["measure", "LOG", "--columns", "hip"], "no column 'hip'"),
+    (["measure", "LOG", "--low-pass", "60"], "low-pass of 60 Hz"),
+    (["measure", "LOG", "--band", "5", "1"], "a band of 5 to 1 Hz"),
+    (["measure", "LOG", "--torque", "torque"], "--torque and --weight go together"),
+    (["measure", "LOG", "--torque", "torque", "--weight", "0"], "a weight must be positive"),
+])  # fmt: skip
 def test_bad_input_is_one_line_status_2_and_no_file(log, arguments, words, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     for name, text in FILES.items():

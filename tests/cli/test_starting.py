@@ -243,17 +243,14 @@ def test_what_is_shipped_is_copied_and_means_the_same(name, capsys):
     assert "mine.toml: exists already" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["pendulum", "three_link"], "three_link: one too many; icmj new takes one model or run file"),
-        (["sweep", "nosuch"], "nosuch: cannot be read (No such file or directory); shipped cases: "),
-        (["pendulm"], "pendulm: no such model file; did you mean pendulum?"),
-        (["pendulum", "--out", "none/x.toml"], "none/x.toml: no such folder"),
-        (["pendulum", "--keyframe", "lying"], "no keyframe 'lying'; it has upright"),
-        (["bad.xml"], "bad.xml: not a usable MJCF model"),
-    ],
-)
+@pytest.mark.parametrize(("words", "said"), [
+    (["pendulum", "three_link"], "three_link: one too many; icmj new takes one model or run file"),
+    (["sweep", "nosuch"], "nosuch: cannot be read (No such file or directory); shipped cases: "),
+    (["pendulm"], "pendulm: no such model file; did you mean pendulum?"),
+    (["pendulum", "--out", "none/x.toml"], "none/x.toml: no such folder"),
+    (["pendulum", "--keyframe", "lying"], "no keyframe 'lying'; it has upright"),
+    (["bad.xml"], "bad.xml: not a usable MJCF model"),
+])  # fmt: skip
 def test_what_is_not_there_is_one_line_and_no_file(words, said, capsys, elsewhere):
     (elsewhere / "bad.xml").write_text("<mujoco")
     assert main(["new", *words]) == 2

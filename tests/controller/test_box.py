@@ -305,16 +305,13 @@ def test_from_run_file_to_report_on_both_plants(root: Path, tmp_path: Path) -> N
     assert "0.008" in page
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("threshold = [0.008, 0.01, 0.02]", "threshold = [0.008, 0.0, 0.02]", "threshold"),
-        ("threshold = [0.008, 0.01, 0.02]", "", "threshold"),
-        ('rule = "box"', 'rule = "circle"', "rule"),
-        ('on = "output"', 'on = "output"\nq_t = 0.1', "q_t"),
-        ('rule = "box"\non = "output"', "q_t = 0.1", "threshold"),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "words"), [
+    ("threshold = [0.008, 0.01, 0.02]", "threshold = [0.008, 0.0, 0.02]", "threshold"),
+    ("threshold = [0.008, 0.01, 0.02]", "", "threshold"),
+    ('rule = "box"', 'rule = "circle"', "rule"),
+    ('on = "output"', 'on = "output"\nq_t = 0.1', "q_t"),
+    ('rule = "box"\non = "output"', "q_t = 0.1", "threshold"),
+])  # fmt: skip
 def test_keys_that_do_not_fit_are_one_line_errors(root: Path, old: str, new: str, words: str) -> None:
     with pytest.raises(RunFileError, match=words):
         icmj.parse_run(boxed(root).replace(old, new))

@@ -71,20 +71,17 @@ def test_it_moves_as_the_method_of_steps_says(channels: tuple[Channel, ...]) -> 
     assert np.abs(run.x - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: SwitchingChannels(TWO, (), 0.1), "at least one channel"),
-        (lambda: SwitchingChannels(TWO, (ANKLE,), 0.0), "must be positive"),
-        (lambda: SwitchingChannels(TWO, (HIP,) * 6, 0.1), "at most 5 channels can switch"),
-        (lambda: SwitchingChannels(TWO, (replace(HIP, input=""),), 0.1), "name the input of each channel"),
-        (lambda: SwitchingChannels(TWO, (replace(HIP, rate="knee"),), 0.1), "the plant's outputs are theta, phi"),
-        (lambda: SwitchingChannels(TWO, (replace(HIP, rate={"phi": 2.0}),), 0.1), "the same combination"),
-        (lambda: SwitchingChannels(TWO, (replace(HIP, position={"phi": 0.0}),), 0.1), "not all zero"),
-        (lambda: replace(HIP, P=np.inf), "P of a channel must be a finite number"),
-        (lambda: replace(HIP, dead_zone=-1.0), "dead zone of a channel"),
-    ],
-)
+@pytest.mark.parametrize(("make", "words"), [
+    (lambda: SwitchingChannels(TWO, (), 0.1), "at least one channel"),
+    (lambda: SwitchingChannels(TWO, (ANKLE,), 0.0), "must be positive"),
+    (lambda: SwitchingChannels(TWO, (HIP,) * 6, 0.1), "at most 5 channels can switch"),
+    (lambda: SwitchingChannels(TWO, (replace(HIP, input=""),), 0.1), "name the input of each channel"),
+    (lambda: SwitchingChannels(TWO, (replace(HIP, rate="knee"),), 0.1), "the plant's outputs are theta, phi"),
+    (lambda: SwitchingChannels(TWO, (replace(HIP, rate={"phi": 2.0}),), 0.1), "the same combination"),
+    (lambda: SwitchingChannels(TWO, (replace(HIP, position={"phi": 0.0}),), 0.1), "not all zero"),
+    (lambda: replace(HIP, P=np.inf), "P of a channel must be a finite number"),
+    (lambda: replace(HIP, dead_zone=-1.0), "dead zone of a channel"),
+])  # fmt: skip
 def test_what_makes_no_sense_is_refused(make, words: str) -> None:
     with pytest.raises(AnalysisError, match=words):
         make()

@@ -30,15 +30,12 @@ def test_a_free_hold_runs_by_the_matrix_exponential_with_or_without_distinct_mod
         np.testing.assert_allclose(hold.free(x_h, t), expected, atol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("weight", "expected"),
-    [
-        ("output", [[1, 0], [0, 0]]),
-        ("identity", [[1, 0], [0, 1]]),
-        ([2.0, 3.0], [[2, 0], [0, 3]]),
-        ([[2.0, 1.0], [1.0, 3.0]], [[2, 1], [1, 3]]),
-    ],
-)
+@pytest.mark.parametrize(("weight", "expected"), [
+    ("output", [[1, 0], [0, 0]]),
+    ("identity", [[1, 0], [0, 1]]),
+    ([2.0, 3.0], [[2, 0], [0, 3]]),
+    ([[2.0, 1.0], [1.0, 3.0]], [[2, 1], [1, 3]]),
+])  # fmt: skip
 def test_event_weight_by_name_diagonal_or_matrix(weight, expected):
     np.testing.assert_array_equal(as_weight(weight, DESIGN), expected)
 
@@ -50,16 +47,13 @@ def test_event_weight_that_does_not_fit_is_refused():
         as_weight("states", DESIGN)
 
 
-@pytest.mark.parametrize(
-    ("Q_t", "q_t", "delta_min", "word"),
-    [
-        ([[1, 0], [0, -1]], 0.1, 0.0, "semidefinite"),
-        ([[1, 0]], 0.1, 0.0, "square"),
-        (np.eye(2), 0.0, 0.0, "q_t"),
-        (np.eye(2), np.nan, 0.0, "q_t"),
-        (np.eye(2), 0.1, -1.0, "delta_min"),
-    ],
-)
+@pytest.mark.parametrize(("Q_t", "q_t", "delta_min", "word"), [
+    ([[1, 0], [0, -1]], 0.1, 0.0, "semidefinite"),
+    ([[1, 0]], 0.1, 0.0, "square"),
+    (np.eye(2), 0.0, 0.0, "q_t"),
+    (np.eye(2), np.nan, 0.0, "q_t"),
+    (np.eye(2), 0.1, -1.0, "delta_min"),
+])  # fmt: skip
 def test_triggers_that_cannot_be_are_refused(Q_t, q_t, delta_min, word):
     with pytest.raises(AnalysisError, match=word):
         EventTrigger(Q_t, q_t, delta_min)

@@ -435,17 +435,14 @@ def test_realisation_without_a_delay_has_no_further_state() -> None:
     np.testing.assert_array_equal(found.G, np.eye(4))
 
 
-@pytest.mark.parametrize(
-    ("late", "trigger", "words"),
-    [
-        (-0.1, None, "at least 1e-09 s"),
-        (1e-12, None, "at least 1e-09 s"),
-        (np.inf, None, "finite"),
-        ("0.1", None, "finite"),
-        (0.1, ClockTrigger(0.2), "kind 'clock' has none"),
-        (0.1, Continuous(), "kind 'continuous' has none"),
-    ],
-)
+@pytest.mark.parametrize(("late", "trigger", "words"), [
+    (-0.1, None, "at least 1e-09 s"),
+    (1e-12, None, "at least 1e-09 s"),
+    (np.inf, None, "finite"),
+    ("0.1", None, "finite"),
+    (0.1, ClockTrigger(0.2), "kind 'clock' has none"),
+    (0.1, Continuous(), "kind 'continuous' has none"),
+])  # fmt: skip
 def test_a_sampling_delay_that_cannot_be_is_refused_in_one_line(late, trigger, words) -> None:
     of = event_controller(pendulum_design(), q_t=0.01)
     with pytest.raises(AnalysisError, match=words):

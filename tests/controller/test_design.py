@@ -75,19 +75,16 @@ def test_gains_of_wrong_shape_are_refused():
         Design(PENDULUM, [[1, 2, 3]], [[1], [2]])
 
 
-@pytest.mark.parametrize(
-    ("weights", "words"),
-    [
-        ({"Q_c": [[1, 2], [3]]}, "Q_c is not a matrix: rows differ in length"),
-        ({"Q_o": [[1, 2], [3, 4]]}, "Q_o is not symmetric"),
-        ({"Q_c": [1, -1]}, "Q_c has a negative eigenvalue"),
-        ({"Q_c": [1, float("nan")]}, "Q_c holds a NaN"),
-        ({"R_c": 0.0}, "R_c must be positive"),
-        ({"R_o": -1.0}, "R_o must be positive"),
-        ({"R_c": [1.0, 2.0]}, "R_c has shape"),
-        ({"Q_c": [1e300, 1e300]}, "no LQ design"),
-    ],
-)
+@pytest.mark.parametrize(("weights", "words"), [
+    ({"Q_c": [[1, 2], [3]]}, "Q_c is not a matrix: rows differ in length"),
+    ({"Q_o": [[1, 2], [3, 4]]}, "Q_o is not symmetric"),
+    ({"Q_c": [1, -1]}, "Q_c has a negative eigenvalue"),
+    ({"Q_c": [1, float("nan")]}, "Q_c holds a NaN"),
+    ({"R_c": 0.0}, "R_c must be positive"),
+    ({"R_o": -1.0}, "R_o must be positive"),
+    ({"R_c": [1.0, 2.0]}, "R_c has shape"),
+    ({"Q_c": [1e300, 1e300]}, "no LQ design"),
+])  # fmt: skip
 def test_unusable_weights_are_named(weights, words):
     with pytest.raises(DesignError, match=words):
         design_lq(PENDULUM, **weights)

@@ -86,19 +86,16 @@ def test_parts_of_one_name_are_added_and_others_are_channels() -> None:
     np.testing.assert_allclose(found([0.0, 1.5, 2.5, 4.0]), [[0, 0], [0.1, 0], [0.1, 0.3], [0.3, 0.3]], atol=1e-15)
 
 
-@pytest.mark.parametrize(
-    ("targets", "words"),
-    [
-        ([Target({"knee": 1.0}, step(1.0))], "outputs are angle, its states hinge, hinge_rate"),
-        ([Target({"hinge_rate": 1.0}, step(1.0))], "no steady state"),
-        ([Target({"angle": 1.0}, step(1.0)), Target({"angle": 2.0}, step(1.0), "twice")], "no steady state"),
-        ([Target({"angle": 1.0}, step(1.0)), Target({"angle": 2.0}, step(1.0), "angle")], "is given twice"),
-        ([Target({"angle": 0.0}, step(1.0))], "no steady state"),
-        ([Target({"angle": 1.0, "hinge": 1.0}, step(1.0))], "needs a name"),
-        ([Target({"angle": 1.0}, step(float("nan")))], "must be finite"),
-        ([Target({"angle": 1.0}, step(1.0, -2.0))], "not negative"),
-    ],
-)
+@pytest.mark.parametrize(("targets", "words"), [
+    ([Target({"knee": 1.0}, step(1.0))], "outputs are angle, its states hinge, hinge_rate"),
+    ([Target({"hinge_rate": 1.0}, step(1.0))], "no steady state"),
+    ([Target({"angle": 1.0}, step(1.0)), Target({"angle": 2.0}, step(1.0), "twice")], "no steady state"),
+    ([Target({"angle": 1.0}, step(1.0)), Target({"angle": 2.0}, step(1.0), "angle")], "is given twice"),
+    ([Target({"angle": 0.0}, step(1.0))], "no steady state"),
+    ([Target({"angle": 1.0, "hinge": 1.0}, step(1.0))], "needs a name"),
+    ([Target({"angle": 1.0}, step(float("nan")))], "must be finite"),
+    ([Target({"angle": 1.0}, step(1.0, -2.0))], "not negative"),
+])  # fmt: skip
 def test_what_it_cannot_be_is_refused(targets, words) -> None:
     with pytest.raises(AnalysisError, match=words):
         setpoint(linear_cases.PENDULUM, targets)

@@ -206,17 +206,14 @@ def test_the_three_link_person_sways_up_to_half_a_radian_of_threshold() -> None:
     assert slope == pytest.approx(2, abs=0.05)
 
 
-@pytest.mark.parametrize(
-    ("name", "to", "error", "words"),
-    [
-        ("strength", 1.0, CycleError, "no parameter 'strength'"),
-        ("b", 0.8, CycleError, "two different values"),
-        ("controller.hold", 1.0, CycleError, "a parameter is one number"),
-        ("controller.q_tt", 1.0, CycleError, "has no key 'controller.q_tt' that is one number"),
-        ("actual.delay", 1.0, CycleError, "does not set actual.delay; say where to begin, with --from"),
-        ("q_t", -1.0, RunFileError, "q_t"),
-    ],
-)
+@pytest.mark.parametrize(("name", "to", "error", "words"), [
+    ("strength", 1.0, CycleError, "no parameter 'strength'"),
+    ("b", 0.8, CycleError, "two different values"),
+    ("controller.hold", 1.0, CycleError, "a parameter is one number"),
+    ("controller.q_tt", 1.0, CycleError, "has no key 'controller.q_tt' that is one number"),
+    ("actual.delay", 1.0, CycleError, "does not set actual.delay; say where to begin, with --from"),
+    ("q_t", -1.0, RunFileError, "q_t"),
+])  # fmt: skip
 def test_what_is_no_parameter_is_refused(name: str, to: float, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
         follow(load_run(RUNS / "simple-0.8.toml"), name, to, plant="linear", points=5)

@@ -85,14 +85,11 @@ def test_a_branch_in_the_share_is_one_in_the_slope() -> None:
     assert by_share.cycles[-1].period == pytest.approx(by_slope.cycles[-1].period, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("law", "words"),
-    [
-        (HOMOGENEOUS, "without a dead zone every round is the one before times a factor"),
-        (replace(SWITCHING, switches=False), "is a linear loop"),
-        (replace(SWITCHING, P=1.5 * MGH), "no cycle: the motion"),
-    ],
-)
+@pytest.mark.parametrize(("law", "words"), [
+    (HOMOGENEOUS, "without a dead zone every round is the one before times a factor"),
+    (replace(SWITCHING, switches=False), "is a linear loop"),
+    (replace(SWITCHING, P=1.5 * MGH), "no cycle: the motion"),
+])  # fmt: skip
 def test_why_there_is_none(law, words: str) -> None:
     with pytest.raises(CycleError, match=words):
         find_switched_cycle(BODY, law)

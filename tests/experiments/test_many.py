@@ -89,28 +89,25 @@ def test_a_function_of_a_script_or_a_notebook_reaches_other_processes(standing):
     assert np.ptp(ways[0]) > 0
 
 
-@pytest.mark.parametrize(
-    ("words", "asked"),
-    [
-        ("seeds has 2", {"n": 3, "seeds": [1, 2]}),
-        ("expected some of x, y", {"n": 1, "keep": ("z",)}),
-        ("expected some of x, y", {"n": 1, "keep": "y"}),
-        ("seeds: -1; expected a whole number from 0", {"seeds": [-1]}),
-        ("seeds: nan; expected a whole number", {"seeds": [float("nan")]}),
-        ("seeds: 9223372036854775808; expected", {"seeds": [2**63]}),
-        ("seeds: 1.5; expected", {"seeds": np.array([1.5])}),
-        ("seeds: True; expected", {"seeds": [True]}),
-        ("0 runs; give one value for each run", {"n": 0}),
-        *((f"n: {n}; expected a whole number", {"n": n}) for n in (2.5, float("nan"), True)),
-        ("the function returned None; expected numbers", {"n": 1, "keep": lambda run: None}),
-        ("the function returned 3; expected numbers", {"n": 1, "keep": lambda run: 3}),
-        ("expected numbers or arrays by name", {"n": 1, "keep": lambda run: {"a": "b"}}),
-        ("expected some of x, y", {"n": 1, "keep": None}),
-        ("plant 'Linear'; expected one of linear, mujoco", {"n": 1, "plant": "Linear"}),
-        ("vary: actual.gain must be a vector", {"vary": {"actual.gain": 1.0}}),
-        ("vary: actual.gain must be a vector", {"vary": {"actual.gain": [[1.0], [1.0, 2.0]]}}),
-    ],
-)
+@pytest.mark.parametrize(("words", "asked"), [
+    ("seeds has 2", {"n": 3, "seeds": [1, 2]}),
+    ("expected some of x, y", {"n": 1, "keep": ("z",)}),
+    ("expected some of x, y", {"n": 1, "keep": "y"}),
+    ("seeds: -1; expected a whole number from 0", {"seeds": [-1]}),
+    ("seeds: nan; expected a whole number", {"seeds": [float("nan")]}),
+    ("seeds: 9223372036854775808; expected", {"seeds": [2**63]}),
+    ("seeds: 1.5; expected", {"seeds": np.array([1.5])}),
+    ("seeds: True; expected", {"seeds": [True]}),
+    ("0 runs; give one value for each run", {"n": 0}),
+    *((f"n: {n}; expected a whole number", {"n": n}) for n in (2.5, float("nan"), True)),
+    ("the function returned None; expected numbers", {"n": 1, "keep": lambda run: None}),
+    ("the function returned 3; expected numbers", {"n": 1, "keep": lambda run: 3}),
+    ("expected numbers or arrays by name", {"n": 1, "keep": lambda run: {"a": "b"}}),
+    ("expected some of x, y", {"n": 1, "keep": None}),
+    ("plant 'Linear'; expected one of linear, mujoco", {"n": 1, "plant": "Linear"}),
+    ("vary: actual.gain must be a vector", {"vary": {"actual.gain": 1.0}}),
+    ("vary: actual.gain must be a vector", {"vary": {"actual.gain": [[1.0], [1.0, 2.0]]}}),
+])  # fmt: skip
 def test_what_does_not_fit_is_refused(standing, words, asked):
     with pytest.raises(SimulationError, match=words):
         icmj.simulate_many(standing, jobs=1, **asked)

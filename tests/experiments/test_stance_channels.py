@@ -84,15 +84,12 @@ def test_events_alone_make_a_remnant_and_continuous_feedback_makes_none(tmp_path
     assert done["event.linear"].finding.measured.remnant > 1e-3
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("highest = 1.0", "highest = 0.001", "expected between the first line"),
-        ("toppling = 588.6", "", "needs both inertia and toppling"),
-        ("{ lean = 0.4 }", "{ trunk = 0.4 }", "trunk"),
-        ("highest = 1.0", "rate = 33.3", "no whole number of samples"),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "words"), [
+    ("highest = 1.0", "highest = 0.001", "expected between the first line"),
+    ("toppling = 588.6", "", "needs both inertia and toppling"),
+    ("{ lean = 0.4 }", "{ trunk = 0.4 }", "trunk"),
+    ("highest = 1.0", "rate = 33.3", "no whole number of samples"),
+])  # fmt: skip
 def test_what_cannot_be_is_one_line(old, new, words, tmp_path):
     (tmp_path / "tilt.toml").write_text(EXPERIMENT.replace("PLANTS", '["linear"]').replace(old, new))
     with pytest.raises(IcmjError, match=words):

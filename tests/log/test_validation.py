@@ -96,19 +96,16 @@ def test_a_hold_that_could_not_be_made_is_refused(A_h: np.ndarray) -> None:
         unpack(*pack(result))
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (of("simulation.pushed", lambda _: np.zeros((3, 1))), r"simulation\.pushed has shape"),
-        (of("simulation.applied", lambda _: np.zeros((3, 1))), r"simulation\.applied has shape"),
-        (of("simulation.pressure.load", half), r"simulation\.pressure\.load has shape"),
-        (of("simulation.pressure.centre", lambda c: c[:, :1]), r"simulation\.pressure\.centre has shape"),
-        (of("simulation.pressure.geoms", lambda g: g[:1]), r"simulation\.pressure\.load has shape"),
-        (of("simulation.pressure.t_after", half), r"t_after has \d+ times for \d+ events"),
-        (of("simulation.pressure.at_rest", lambda _: "x"), r"simulation\.pressure"),
-        (of("simulation.pressure", lambda _: 1.0), r"simulation\.pressure is 1\.0; expected Pressure or nothing"),
-    ],
-)
+@pytest.mark.parametrize(("change", "words"), [
+    (of("simulation.pushed", lambda _: np.zeros((3, 1))), r"simulation\.pushed has shape"),
+    (of("simulation.applied", lambda _: np.zeros((3, 1))), r"simulation\.applied has shape"),
+    (of("simulation.pressure.load", half), r"simulation\.pressure\.load has shape"),
+    (of("simulation.pressure.centre", lambda c: c[:, :1]), r"simulation\.pressure\.centre has shape"),
+    (of("simulation.pressure.geoms", lambda g: g[:1]), r"simulation\.pressure\.load has shape"),
+    (of("simulation.pressure.t_after", half), r"t_after has \d+ times for \d+ events"),
+    (of("simulation.pressure.at_rest", lambda _: "x"), r"simulation\.pressure"),
+    (of("simulation.pressure", lambda _: 1.0), r"simulation\.pressure is 1\.0; expected Pressure or nothing"),
+])  # fmt: skip
 def test_what_is_no_pressure_is_refused_in_one_line(change: Change, words: str) -> None:
     test_what_is_no_run_is_refused_in_one_line(lambda _: change(standing()), words)
 

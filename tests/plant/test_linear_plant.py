@@ -29,26 +29,20 @@ def test_statespace_round_trip_keeps_matrices_and_names():
     assert (back.states, back.inputs, back.outputs) == (PENDULUM.states, PENDULUM.inputs, PENDULUM.outputs)
 
 
-@pytest.mark.parametrize(
-    ("system", "word"),
-    [
-        (control.ss([[0.5]], [[1]], [[1]], 0, 0.1), "discrete"),
-        (control.ss([[0.5]], [[1]], [[1]], [[2]]), "feed-through"),
-    ],
-)
+@pytest.mark.parametrize(("system", "word"), [
+    (control.ss([[0.5]], [[1]], [[1]], 0, 0.1), "discrete"),
+    (control.ss([[0.5]], [[1]], [[1]], [[2]]), "feed-through"),
+])  # fmt: skip
 def test_statespace_that_is_no_plant_is_refused(system, word):
     with pytest.raises(AnalysisError, match=word):
         LinearPlant.from_statespace(system)
 
 
-@pytest.mark.parametrize(
-    ("matrices", "word"),
-    [
-        (([[0, 1]], [[1]], [[1]]), "do not fit"),
-        (([[0]], [[1], [2]], [[1]]), "do not fit"),
-        (([[np.nan]], [[1]], [[1]]), "NaN"),
-    ],
-)
+@pytest.mark.parametrize(("matrices", "word"), [
+    (([[0, 1]], [[1]], [[1]]), "do not fit"),
+    (([[0]], [[1], [2]], [[1]]), "do not fit"),
+    (([[np.nan]], [[1]], [[1]]), "NaN"),
+])  # fmt: skip
 def test_matrices_that_do_not_fit_are_refused(matrices, word):
     with pytest.raises(AnalysisError, match=word):
         LinearPlant(*matrices)
@@ -86,15 +80,12 @@ def test_a_vector_will_do_for_a_single_input():
     assert LinearPlant([[1]], [1, 2], [1]).n_u == 2  # of a single state they are two inputs
 
 
-@pytest.mark.parametrize(
-    "system",
-    [
-        signal.TransferFunction([2], [1, 0.5, -3]),
-        signal.TransferFunction([2], [1, 0.5, -3]).to_zpk(),
-        signal.TransferFunction([2], [1, 0.5, -3]).to_ss(),
-        signal.lti([2], [1, 0.5, -3]),
-    ],
-)
+@pytest.mark.parametrize("system", [
+    signal.TransferFunction([2], [1, 0.5, -3]),
+    signal.TransferFunction([2], [1, 0.5, -3]).to_zpk(),
+    signal.TransferFunction([2], [1, 0.5, -3]).to_ss(),
+    signal.lti([2], [1, 0.5, -3]),
+])  # fmt: skip
 def test_systems_of_scipy_are_plants_in_all_their_forms(system):
     plant, s = LinearPlant.from_system(system), 0.3 + 2j
     assert plant.statespace()(s) == pytest.approx(2 / (s**2 + 0.5 * s - 3), rel=1e-12)
@@ -182,21 +173,18 @@ def test_a_nonlinear_system_is_linearised_where_it_rests(angle, g):
     assert (plant.states, plant.inputs, plant.outputs) == (("angle", "rate"), ("torque",), ("angle", "rate"))
 
 
-@pytest.mark.parametrize(
-    ("system", "more", "words"),
-    [
-        (control.tf([1], [1, 1], 0.1), {}, "discrete"),
-        (control.tf([1, 0], [1, 1]), {}, "feed-through"),
-        (control.tf([[[1], [1]], [[1], [2]]], [[[1, 1], [1, 2]], [[1, 3], [1, 4]]]), {}, "as a StateSpace"),
-        (control.frd([1, 2], [1, 2]), {}, "no plant can be made from a FrequencyResponseData"),
-        (control.nlsys(falling, None, states=2, inputs=1, outputs=2), {"x0": [0.1, 0]}, "does not rest"),
-        (control.nlsys(falling, None, states=2, inputs=1, outputs=2), {"x0": [0.1]}, "x0 has shape"),
-        (control.nlsys(falling, None, states=2, inputs=1, outputs=2, dt=0.1), {}, "discrete"),
-        (([[0]], [[1]], [[1]], [[1]]), {}, "feed-through"),
-        (([[0]], [[1]]), {}, "2 matrices"),
-        ("plant", {}, "no plant can be made from a str"),
-    ],
-)
+@pytest.mark.parametrize(("system", "more", "words"), [
+    (control.tf([1], [1, 1], 0.1), {}, "discrete"),
+    (control.tf([1, 0], [1, 1]), {}, "feed-through"),
+    (control.tf([[[1], [1]], [[1], [2]]], [[[1, 1], [1, 2]], [[1, 3], [1, 4]]]), {}, "as a StateSpace"),
+    (control.frd([1, 2], [1, 2]), {}, "no plant can be made from a FrequencyResponseData"),
+    (control.nlsys(falling, None, states=2, inputs=1, outputs=2), {"x0": [0.1, 0]}, "does not rest"),
+    (control.nlsys(falling, None, states=2, inputs=1, outputs=2), {"x0": [0.1]}, "x0 has shape"),
+    (control.nlsys(falling, None, states=2, inputs=1, outputs=2, dt=0.1), {}, "discrete"),
+    (([[0]], [[1]], [[1]], [[1]]), {}, "feed-through"),
+    (([[0]], [[1]]), {}, "2 matrices"),
+    ("plant", {}, "no plant can be made from a str"),
+])  # fmt: skip
 def test_what_is_no_plant_is_told(system, more, words):
     with pytest.raises(AnalysisError, match=words):
         LinearPlant.from_system(system, **more)

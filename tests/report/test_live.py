@@ -245,14 +245,11 @@ def test_what_the_page_cannot_do_is_refused_in_one_line(small):
             live.describe(icmj.prepare(run))
 
 
-@pytest.mark.parametrize(
-    ("changes", "exact"),
-    [
-        ({}, True),
-        ({"assumed.person.mass": 68, "actual.person.mass": 80, "actual.gain": 1}, False),
-        ({"assumed.person.mass": 68}, True),
-    ],
-)
+@pytest.mark.parametrize(("changes", "exact"), [
+    ({}, True),
+    ({"assumed.person.mass": 68, "actual.person.mass": 80, "actual.gain": 1}, False),
+    ({"assumed.person.mass": 68}, True),
+])  # fmt: skip
 def test_the_model_is_exact_at_b_1_where_body_and_model_are_the_same_else(small, changes, exact):
     case = loaded("three-link-0.9-delay", **changes)
     described = live.describe(case)

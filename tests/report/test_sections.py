@@ -49,18 +49,15 @@ def test_notices_on_a_run_stand_below_its_case():
     assert not any("Kink" in words for row in rows().values() for words in row["verdicts"])
 
 
-@pytest.mark.parametrize(
-    ("name", "agrees"),
-    [
-        ("b0.8", True),
-        ("b1.2", True),
-        ("b1.7", True),
-        ("three-link", True),
-        ("neglected", True),
-        ("printed", False),
-        ("exact", None),
-    ],
-)
+@pytest.mark.parametrize(("name", "agrees"), [
+    ("b0.8", True),
+    ("b1.2", True),
+    ("b1.7", True),
+    ("three-link", True),
+    ("neglected", True),
+    ("printed", False),
+    ("exact", None),
+])  # fmt: skip
 def test_agreement_with_the_printed_value(name, agrees):
     assert sections.agrees_with_paper(pair([result(name)])[0]) is agrees
     departs = any("Differs from the paper" in words for words in rows()[name]["verdicts"])
@@ -349,16 +346,13 @@ def test_settings_are_those_of_the_controller_that_ran():
     }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("weight", "text"),
-    [
-        (PENDULUM.C.T @ PENDULUM.C, "ĈᵀĈ"),
-        (np.eye(2), "I"),
-        (np.diag([2.0, 0.5]), "diag(2, 0.5)"),
-        (np.array([[2.0, -1.0], [-1.0, 1.0]]), "[[2, −1], [−1, 1]]"),
-        (np.eye(3), "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"),
-    ],
-)
+@pytest.mark.parametrize(("weight", "text"), [
+    (PENDULUM.C.T @ PENDULUM.C, "ĈᵀĈ"),
+    (np.eye(2), "I"),
+    (np.diag([2.0, 0.5]), "diag(2, 0.5)"),
+    (np.array([[2.0, -1.0], [-1.0, 1.0]]), "[[2, −1], [−1, 1]]"),
+    (np.eye(3), "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"),
+])  # fmt: skip
 def test_a_weight_is_said_in_as_few_signs_as_will_do(weight, text):
     assert sections.rule_fact(weight, design_of("b0.8")) == text
 

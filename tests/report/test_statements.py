@@ -32,17 +32,14 @@ def test_every_item_of_the_paper_is_there_once():
         assert [s.number for s in STATEMENTS if s.figure == figure] == list(range(1, count + 1))
 
 
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("b0.8", [YES, YES, YES, YES]),
-        ("b1.2", [YES, YES, YES, YES]),
-        ("b1.7", [YES, RESERVED, NO]),  # the paper: no limit cycle; both plants settle on another one
-        ("three-link", [RESERVED, RESERVED, YES, YES, YES]),
-        ("neglected", [RESERVED, RESERVED, YES, RESERVED]),  # with another damping ratio than the printed one
-        ("printed", [YES, NO, YES, NO]),  # other Δ_crit, stable A − Bk
-    ],
-)
+@pytest.mark.parametrize(("name", "expected"), [
+    ("b0.8", [YES, YES, YES, YES]),
+    ("b1.2", [YES, YES, YES, YES]),
+    ("b1.7", [YES, RESERVED, NO]),  # the paper: no limit cycle; both plants settle on another one
+    ("three-link", [RESERVED, RESERVED, YES, YES, YES]),
+    ("neglected", [RESERVED, RESERVED, YES, RESERVED]),  # with another damping ratio than the printed one
+    ("printed", [YES, NO, YES, NO]),  # other Δ_crit, stable A − Bk
+])  # fmt: skip
 def test_the_verdict_on_each_statement(name, expected):
     assert verdicts(result(name), result(name, "mujoco")) == expected
 

@@ -48,23 +48,20 @@ def test_ground_reactions_and_moments_of_opensim_have_their_units(tmp_path):
     assert read_series(tmp_path / "forces.sto").units == ("N", "m", "N m", "N m", "N", "")
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (table("Coordinates", {"a": T}, rows=500), "400 rows where its header says 500; was it cut short"),
-        (table("Coordinates", {"a": T}, rows=4_000_000_000), "400 rows where its header says 4000000000"),
-        (table("Coordinates", {"a": T}, rows=-400), "nRows=-400 in its header; expected a number of rows"),
-        (table("Coordinates", {"a": T}).replace("nRows=400", "nRows=4e2"), "nRows=4e2 in its header"),
-        (table("Coordinates", {"a": T}).replace("nRows=400", "nRows=" + "9" * 5000), "nRows=999.* in its header"),
-        (table("Coordinates", {"a": T}, "maybe"), "inDegrees=maybe in its header; expected yes or no"),
-        (table("Coordinates", {"a": T}, ""), "inDegrees= in its header; expected yes or no"),
-        ("time\ta\n" + "0\t1\n1\t2\n", "no line 'endheader'"),
-        ("x\n" * 500, "no line 'endheader'"),
-        ("Marker\nDataType=Vec3\nendheader\ntime\tC7\n0\t1,2,3\n1\t1,2,3\n", "a table of vec3"),
-        ("\nendheader\n", "no rows of numbers"),
-        ("", "no line 'endheader'"),
-    ],
-)
+@pytest.mark.parametrize(("text", "words"), [
+    (table("Coordinates", {"a": T}, rows=500), "400 rows where its header says 500; was it cut short"),
+    (table("Coordinates", {"a": T}, rows=4_000_000_000), "400 rows where its header says 4000000000"),
+    (table("Coordinates", {"a": T}, rows=-400), "nRows=-400 in its header; expected a number of rows"),
+    (table("Coordinates", {"a": T}).replace("nRows=400", "nRows=4e2"), "nRows=4e2 in its header"),
+    (table("Coordinates", {"a": T}).replace("nRows=400", "nRows=" + "9" * 5000), "nRows=999.* in its header"),
+    (table("Coordinates", {"a": T}, "maybe"), "inDegrees=maybe in its header; expected yes or no"),
+    (table("Coordinates", {"a": T}, ""), "inDegrees= in its header; expected yes or no"),
+    ("time\ta\n" + "0\t1\n1\t2\n", "no line 'endheader'"),
+    ("x\n" * 500, "no line 'endheader'"),
+    ("Marker\nDataType=Vec3\nendheader\ntime\tC7\n0\t1,2,3\n1\t1,2,3\n", "a table of vec3"),
+    ("\nendheader\n", "no rows of numbers"),
+    ("", "no line 'endheader'"),
+])  # fmt: skip
 def test_a_table_that_is_none_is_refused_in_one_line(tmp_path, text, words):
     (tmp_path / "wrong.sto").write_text(text)
     with pytest.raises(DataError, match=words):

@@ -66,16 +66,13 @@ def test_a_sampling_delay_is_told_on_both_plants(tmp_path, plant):
     np.testing.assert_allclose(found.curves["RT2 (s)"], [0.21, 0.41, 0.31, 0.26], atol=0.02)
 
 
-@pytest.mark.parametrize(
-    ("before", "after", "words"),
-    [
-        ("recovery = [1.5, 2.0]", "recovery = [0.5, 2.0]", "longer than the least recovery"),
-        ("recovery = [1.5, 2.0]", "recovery = [2.5, 2.0]", "the shortest time first"),
-        ("isi = [0.1, 0.25, 0.5]", "isi = [0.1, 0.25]", "at least 3"),
-        ("isi = [0.1, 0.25, 0.5]", "isi = [0.1, 0.1, 0.5]", "an entry is repeated"),
-        ("size = 0.02", "size = 0.0", "size"),
-    ],
-)
+@pytest.mark.parametrize(("before", "after", "words"), [
+    ("recovery = [1.5, 2.0]", "recovery = [0.5, 2.0]", "longer than the least recovery"),
+    ("recovery = [1.5, 2.0]", "recovery = [2.5, 2.0]", "the shortest time first"),
+    ("isi = [0.1, 0.25, 0.5]", "isi = [0.1, 0.25]", "at least 3"),
+    ("isi = [0.1, 0.25, 0.5]", "isi = [0.1, 0.1, 0.5]", "an entry is repeated"),
+    ("size = 0.02", "size = 0.0", "size"),
+])  # fmt: skip
 def test_a_table_that_is_wrong_is_refused_in_one_line(before, after, words, tmp_path):
     with pytest.raises(RunFileError, match=words):
         file_of(TEXT.replace(before, after), tmp_path)

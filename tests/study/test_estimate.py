@@ -32,14 +32,11 @@ def test_the_shipped_cases_are_quick(root: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("more", "duration", "plant"),
-    [
-        (("timestep = 1e-9",), 20.0, "mujoco"),
-        (("record_interval = 1e4",), 1e9, "mujoco"),
-        (("record_interval = 1e4",), 1e9, "linear"),
-    ],
-)
+@pytest.mark.parametrize(("more", "duration", "plant"), [
+    (("timestep = 1e-9",), 20.0, "mujoco"),
+    (("record_interval = 1e4",), 1e9, "mujoco"),
+    (("record_interval = 1e4",), 1e9, "linear"),
+])  # fmt: skip
 def test_hours_are_told_and_refused(root: Path, more: tuple[str, ...], duration: float, plant: str) -> None:
     """Half a day or longer: a processor ten times as fast tells the same."""
     found = case(root, duration, *more)
@@ -84,14 +81,11 @@ run = "quiet-standing"
 """
 
 
-@pytest.mark.parametrize(
-    ("count", "duration", "rate", "words"),
-    [
-        (100_000, 3.0, 10.0, r"200000 trials, of up to 40 rows, would take about [0-9.]+ (min|hours|days);"),
-        (5, 18.0, 1e5, r"10 trials, of up to 1.9e\+06 rows, would take about (.* and )?[0-9.]+ GB of memory"),
-        (20_000, 60.0, 100.0, r"40000 trials, .* and 1[5-9] GB of memory;"),
-    ],
-)
+@pytest.mark.parametrize(("count", "duration", "rate", "words"), [
+    (100_000, 3.0, 10.0, r"200000 trials, of up to 40 rows, would take about [0-9.]+ (min|hours|days);"),
+    (5, 18.0, 1e5, r"10 trials, of up to 1.9e\+06 rows, would take about (.* and )?[0-9.]+ GB of memory"),
+    (20_000, 60.0, 100.0, r"40000 trials, .* and 1[5-9] GB of memory;"),
+])  # fmt: skip
 def test_trials_that_take_hours_or_memory_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], count: int, duration: float, rate: float, words: str
 ) -> None:
@@ -216,13 +210,10 @@ def test_the_command_line_asks_for_yes(root, tmp_path, monkeypatch, capsys):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("duration", "more", "words"),
-    [
-        (0.001, "delay = 0.1", "case.toml: the delay of 0.1 s is not shorter than the run of 0.001 s"),
-        (1e-15, "", "case.toml: simulation.duration: must be at least 1e-06, got 1e-15"),
-    ],
-)
+@pytest.mark.parametrize(("duration", "more", "words"), [
+    (0.001, "delay = 0.1", "case.toml: the delay of 0.1 s is not shorter than the run of 0.001 s"),
+    (1e-15, "", "case.toml: simulation.duration: must be at least 1e-06, got 1e-15"),
+])  # fmt: skip
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
 def test_a_run_that_cannot_start_is_refused_before_anything_is_written(
     root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], duration: float, more: str, words: str, plant: str

@@ -154,20 +154,17 @@ def test_recordings_from_the_command_line(done, tmp_path, capsys):
     assert "plain.csv: force.x: has no unit" in said
 
 
-@pytest.mark.parametrize(
-    ("before", "after", "words"),
-    [
-        ("[intersection_point]", "[other]", "other"),
-        ("[intersection_point]\nduration = 8.0\nsettle = 2.0", "", "expected one table of"),
-        ('control = "continuous"', 'control = "clock"', "interval is that of control"),
-        ('name = "continuous"', 'name = "own"', "two cases are called 'own'"),
-        ('run = "quiet-standing"', 'run = "quiet-sitting"', "did you mean quiet-standing"),
-        ("q_t = 0.004", "q_z = 0.004", r"case\[1\].set"),
-        ("repetitions = 2", "repetitions = 0", "at least 1"),
-        ("duration = 8.0", "duration = -1.0", "duration"),
-        ("duration = 8.0", "rate = 1e9", "rate"),
-    ],
-)
+@pytest.mark.parametrize(("before", "after", "words"), [
+    ("[intersection_point]", "[other]", "other"),
+    ("[intersection_point]\nduration = 8.0\nsettle = 2.0", "", "expected one table of"),
+    ('control = "continuous"', 'control = "clock"', "interval is that of control"),
+    ('name = "continuous"', 'name = "own"', "two cases are called 'own'"),
+    ('run = "quiet-standing"', 'run = "quiet-sitting"', "did you mean quiet-standing"),
+    ("q_t = 0.004", "q_z = 0.004", r"case\[1\].set"),
+    ("repetitions = 2", "repetitions = 0", "at least 1"),
+    ("duration = 8.0", "duration = -1.0", "duration"),
+    ("duration = 8.0", "rate = 1e9", "rate"),
+])  # fmt: skip
 def test_a_file_that_is_wrong_is_refused_in_one_line(before, after, words, tmp_path):
     assert before in TEXT
     with pytest.raises(RunFileError, match=words):
@@ -212,28 +209,25 @@ def recording(columns, rows=6000, of=None):
     return icmj.Series(t, values, tuple(columns), tuple(columns.values()))
 
 
-@pytest.mark.parametrize(
-    ("name", "series", "words"),
-    [
-        ("intersection-point", recording(FORCES, rows=300), "windows|rows|shorter"),
-        ("intersection-point", recording(FORCES | {"force.z": ""}), r"force.z: has no unit; .*'force.z \[N\]'"),
-        ("intersection-point", recording(FORCES | {"cop.x": "s"}), "cop.x: is in 's'; expected one of m"),
-        ("standing", recording(SWAY, rows=10), "10 (values|rows)"),
-        ("standing", recording({"cop.x": ""}), "cop.x: has no unit"),
-        ("remnant", recording(SINES, of=lambda t: np.sin(2 * np.pi * 0.137 * t)), "not periodic in 10 s|no power"),
-        ("remnant", recording(SINES, rows=1500, of=lambda t: np.sin(0.2 * np.pi * t)), "1 whole periods of 10 s"),
-        (
-            "remnant",
-            recording(SINES | {"u": ""}, of=lambda t: np.sin(0.2 * np.pi * t)),
-            "u: has no unit|response: has no unit",
-        ),
-        ("double-step", recording(STEPS, of=lambda t: (t > 5) & (t < 5.3)), "1 pairs of steps; expected at least 4"),
-        ("double-step", recording(STEPS | {"target": ""}, of=lambda t: (t > 5) & (t < 5.3)), "target: has no unit"),
-        ("double-step-joystick", recording(STEPS), "moves from row to row"),
-        ("double-step-head", recording({"target": "m"}), "no column 'control'"),
-        ("double-step-head", recording(STEPS, rows=300, of=lambda t: 0 * t), "never moves"),
-    ],
-)
+@pytest.mark.parametrize(("name", "series", "words"), [
+    ("intersection-point", recording(FORCES, rows=300), "windows|rows|shorter"),
+    ("intersection-point", recording(FORCES | {"force.z": ""}), r"force.z: has no unit; .*'force.z \[N\]'"),
+    ("intersection-point", recording(FORCES | {"cop.x": "s"}), "cop.x: is in 's'; expected one of m"),
+    ("standing", recording(SWAY, rows=10), "10 (values|rows)"),
+    ("standing", recording({"cop.x": ""}), "cop.x: has no unit"),
+    ("remnant", recording(SINES, of=lambda t: np.sin(2 * np.pi * 0.137 * t)), "not periodic in 10 s|no power"),
+    ("remnant", recording(SINES, rows=1500, of=lambda t: np.sin(0.2 * np.pi * t)), "1 whole periods of 10 s"),
+    (
+        "remnant",
+        recording(SINES | {"u": ""}, of=lambda t: np.sin(0.2 * np.pi * t)),
+        "u: has no unit|response: has no unit",
+    ),
+    ("double-step", recording(STEPS, of=lambda t: (t > 5) & (t < 5.3)), "1 pairs of steps; expected at least 4"),
+    ("double-step", recording(STEPS | {"target": ""}, of=lambda t: (t > 5) & (t < 5.3)), "target: has no unit"),
+    ("double-step-joystick", recording(STEPS), "moves from row to row"),
+    ("double-step-head", recording({"target": "m"}), "no column 'control'"),
+    ("double-step-head", recording(STEPS, rows=300, of=lambda t: 0 * t), "never moves"),
+])  # fmt: skip
 def test_a_shipped_analysis_refuses_what_it_cannot_tell_in_one_line(name, series, words, tmp_path):
     if name == "remnant":
         file = ExperimentFile.validated(parse_toml(REMNANT, tmp_path / "r.toml"), tmp_path / "r.toml", REMNANT)

@@ -79,14 +79,11 @@ def test_what_only_intermittent_control_has_is_refused(tmp_path):
         load_sweep(path)
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("one-link-delayed-pd", "-1.28323 ± 5.20022j, -2.05914"),  # printed gains of Asai (2009)
-        ("one-link-switching", "1.36778, -1.43444"),  # the saddle without feedback
-        ("one-link-switching", "0.73140938: stands"),
-    ],
-)
+@pytest.mark.parametrize(("name", "said"), [
+    ("one-link-delayed-pd", "-1.28323 ± 5.20022j, -2.05914"),  # printed gains of Asai (2009)
+    ("one-link-switching", "1.36778, -1.43444"),  # the saddle without feedback
+    ("one-link-switching", "0.73140938: stands"),
+])  # fmt: skip
 def test_analyse_tells_the_roots_of_each_mode(name, said, capsys):
     assert main(["analyse", name]) == 0
     assert said in " ".join(capsys.readouterr().out.split())

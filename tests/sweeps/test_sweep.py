@@ -211,13 +211,10 @@ def test_died_and_computed_have_the_same_columns(tmp_path: Path) -> None:
     assert report_death(plan, 1, "signal 9").schema == pq.read_table(pa.BufferReader(computed.content)).schema
 
 
-@pytest.mark.parametrize(
-    ("name", "units"),
-    [
-        ("basins", {"angle": "rad", "rate": "rad/s"}),
-        ("validity", {"q_t": "rad", "shank": "rad", "thigh": "rad", "trunk": "rad"}),
-    ],
-)
+@pytest.mark.parametrize(("name", "units"), [
+    ("basins", {"angle": "rad", "rate": "rad/s"}),
+    ("validity", {"q_t": "rad", "shank": "rad", "thigh": "rad", "trunk": "rad"}),
+])  # fmt: skip
 def test_axes_of_maps_have_the_units_of_what_varies(name: str, units: dict[str, str]) -> None:
     """Axes were called angle and rate, without a unit."""
     plan = try_plan(Plan.of(load_sweep(name)))

@@ -3,17 +3,7 @@
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
-from theory_cases import (
-    INTEGRATOR,
-    dip,
-    pair_of_holds,
-    pendulum,
-    pendulum_design,
-    random_systems,
-    shipped,
-    step,
-    system_beside,
-)
+from theory_cases import dip, pair_of_holds, pendulum, pendulum_design, random_systems, shipped, step, system_beside
 
 from icmj.controller.controller import Controller
 from icmj.controller.design import Design, system_matched
@@ -182,7 +172,7 @@ def test_two_pendulums_settle_on_the_predicted_interval_whatever_the_ratio_of_th
 
 
 def test_a_family_beside_a_neutral_mode():
-    alone = system_beside(INTEGRATOR, driven=[[0, 1]])
+    alone = system_beside([[0.0]], driven=[[0, 1]])
     p = predict(side_by_side([alone, alone]), EventTrigger(np.diag([1.0, 1, 0, 1, 1, 0]), 0.01))
     assert (p.cycle, p.verdict, p.family.dimension) == (True, "attracting", 2)
     assert sum(len(mode.rates) for mode in p.neutral) == 4
