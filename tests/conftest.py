@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from terminal_cases import Shell
 
 from icmj.base.process import one_thread
 from icmj.errors import IcmjError
@@ -66,6 +67,12 @@ def pytest_collection_finish() -> None:
 def root() -> Path:
     """The checkout: models/, runs/ and so on lie in it."""
     return ROOT
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    """Commands, and what they say."""
+    return Shell(capsys)
 
 
 @pytest.fixture(autouse=True)

@@ -262,20 +262,17 @@ def test_what_is_no_gain_or_hold_is_one_line(keys, words):
 
 
 @pytest.mark.slow
-def test_run_study_report_and_log_without_a_model(tmp_path, monkeypatch, capsys):
+def test_run_study_report_and_log_without_a_model(tmp_path, monkeypatch, shell):
     from icmj.log.reader import read_log
 
     monkeypatch.chdir(tmp_path)
     short = {"study.growth_points": 2, "study.attractor_starts": 2}
     run = made().with_(**short)
     (tmp_path / "mine.toml").write_text(run.text, encoding="utf-8")
-    assert main(["analyse", "mine.toml", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["cycle"] is True
-    assert main(["run", "mine.toml", "--plant", "mujoco"]) == 2
-    assert "--plant linear" in capsys.readouterr().err
+    assert shell.answers(["analyse", "mine.toml", "--json"])["cycle"] is True
+    assert "--plant linear" in shell.refuses(["run", "mine.toml", "--plant", "mujoco"])
     assert not (tmp_path / "runs").exists()
-    assert main(["study", "mine.toml", "--jobs", "1"]) == 0
-    assert "1 log, " in capsys.readouterr().out
+    assert "1 log, " in shell.says(["study", "mine.toml", "--jobs", "1"])
     out = tmp_path / "runs" / "out"
     assert {path.name for path in out.glob("*.rrd")} == {"mine.linear.rrd"}
     assert "Mine" in (out / "report.html").read_text(encoding="utf-8")

@@ -217,7 +217,7 @@ def test_a_log_that_an_earlier_version_wrote_of_it_is_read_bit_for_bit(run_path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["switching", "predictor"])
-def test_the_same_command_lines_serve_it(run_path, predicting, kind, capsys) -> None:
+def test_the_same_command_lines_serve_it(run_path, predicting, kind, capsys, shell) -> None:
     path, out = run_path if kind == "switching" else predicting, run_path.parent / "out"
     assert main(["study", str(path), "--out", str(out), "--jobs", "2"]) == 0
     records = json.loads((out / "summary.json").read_text(encoding="utf-8"))
@@ -229,11 +229,9 @@ def test_the_same_command_lines_serve_it(run_path, predicting, kind, capsys) -> 
     assert f"{path.stem} (mujoco): Under {kind} control the run" in capsys.readouterr().out
     log = out / f"{path.stem}.linear.rrd"
     run, report = ["run", str(path), "--out", str(out), "--plant", "linear"], ["report", str(log), "--out"]
-    assert main(run) == 0
-    assert f"Under {kind} control the run" in capsys.readouterr().out
+    assert f"Under {kind} control the run" in shell.says(run)
     for command in (run, [*report, str(out / "one.html")]):
-        assert main([*command, "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)["runs"] == records[:1]
+        assert shell.answers([*command, "--json"])["runs"] == records[:1]
     for command in ([*report, str(out / "one.html")], ["export", str(log)], ["measure", str(log), "--since", "1"]):
         assert main(command) == 0
 
@@ -245,31 +243,27 @@ def test_the_same_command_lines_serve_it(run_path, predicting, kind, capsys) -> 
     ("predictor", "cycle", "a controller that never switches has no cycle of its own"),
     ("predictor", "continue --parameter b --from 1 --to 0.9", "only branches of intermittent"),
 ])  # fmt: skip
-def test_what_makes_no_sense_is_one_line(run_path, predicting, kind, command, words, capsys) -> None:
+def test_what_makes_no_sense_is_one_line(run_path, predicting, kind, command, words, shell) -> None:
     first, *more = command.split()
-    assert main([first, str(run_path if kind == "switching" else predicting), *more]) == 2
-    (said,) = told(capsys.readouterr().err)
+    (said,) = told(shell.refuses([first, str(run_path if kind == "switching" else predicting), *more]))
     assert words in said
 
 
 @pytest.mark.slow
-def test_its_cycle_is_found_and_followed(run_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["cycle", str(run_path), "--plant", "linear", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_its_cycle_is_found_and_followed(run_path: Path, shell) -> None:
+    found = shell.answers(["cycle", str(run_path), "--plant", "linear", "--json"])
     assert found["period"] == pytest.approx(4.131031, rel=2e-5)  # this body has 1e-3 of 60 kg m² of its own
     assert (found["switches"], found["mirrored"], found["attracting"]) == (4, False, True)
-    assert main(["continue", str(run_path), "--parameter", "P", "--to", "142.4", "--points", "5"]) == 0
-    said = capsys.readouterr().out
+    said = shell.says(["continue", str(run_path), "--parameter", "P", "--to", "142.4", "--points", "5"])
     assert "Stability changes at P = 142.80" in said
     assert "reached P = 142.4" in said
 
 
-def test_a_start_of_an_observer_that_is_not_there_is_told_with_the_file(run_path, capsys):
+def test_a_start_of_an_observer_that_is_not_there_is_told_with_the_file(run_path, shell):
     text = run_path.read_text(encoding="utf-8") + "observer = { ankle = 0.1 }\n"
     run_path.write_text(text, encoding="utf-8")
     out = run_path.parent / "out"
-    assert main(["run", str(run_path), "--plant", "linear", "--out", str(out)]) == 2
-    (line,) = told(capsys.readouterr().err)
+    (line,) = told(shell.refuses(["run", str(run_path), "--plant", "linear", "--out", str(out)]))
     assert "asai.toml: " in line
     assert "neither observer nor hold" in line
     assert not out.exists()

@@ -186,12 +186,11 @@ def test_a_change_in_code_is_the_change_in_words(own: Path) -> None:
     assert not np.allclose(in_code.actual.linearisation.plant.B_d, prepare(plain).actual.linearisation.plant.B_d)
 
 
-def test_noise_of_ones_own_is_drawn_once_and_a_log_keeps_it(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_noise_of_ones_own_is_drawn_once_and_a_log_keeps_it(own: Path, shell) -> None:
     table = {"kind": "rules:tremor", "input": "torque", "parameters": {"size": 0.01, "seed": 3}}
     run = load_run(own, allow_code=True).with_(**{"simulation.disturbance": [table]})
     own.write_text(run.text, encoding="utf-8")
-    assert main(["run", str(own), "--out", str(own.parent), "--plant", "linear"]) == 2
-    assert "which is not run unasked" in capsys.readouterr().err
+    assert "which is not run unasked" in shell.refuses(["run", str(own), "--out", str(own.parent), "--plant", "linear"])
     names: dict[str, object] = {}
     exec(RULES, names)
     rows = names["tremor"](6.0, 0.01, 3)  # type: ignore[operator]
@@ -265,7 +264,7 @@ def test_a_measure_that_cannot_be_taken_costs_no_run(
     tmp_path: Path,
     root: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    shell,
     name: str,
     reference: str,
     allowed: list[str],
@@ -285,8 +284,7 @@ def test_a_measure_that_cannot_be_taken_costs_no_run(
         ["sweep", "sweep.toml"],
     ):
         monkeypatch.chdir(tmp_path)
-        assert main([*command, "--out", "out", *allowed]) == 2
-        assert words in capsys.readouterr().err
+        assert words in shell.refuses([*command, "--out", "out", *allowed])
         assert not (tmp_path / "out").exists()
     run = load_run(tmp_path / "own.toml", allow_code=bool(allowed))
     with pytest.raises(RunFileError, match=words):
@@ -327,10 +325,9 @@ def test_an_object_is_taken_by_the_api(own: Path) -> None:
 
 
 @pytest.mark.slow
-def test_summary_has_what_measures_say(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_summary_has_what_measures_say(own: Path, shell) -> None:
     out = own.parent / "study"
-    assert main(["study", str(own), "--out", str(out), "--allow-code", "--jobs", "2"]) == 0
-    capsys.readouterr()
+    shell.says(["study", str(own), "--out", str(out), "--allow-code", "--jobs", "2"])
     records = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     rows = records if isinstance(records, list) else records["cases"]
     assert {row["measures"]["longest interval [s]"] > 0 for row in rows} == {True}

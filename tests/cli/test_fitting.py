@@ -44,7 +44,7 @@ def test_one_line_each(recording, more, line, capsys, tmp_path) -> None:
 
 @pytest.mark.parametrize(("family", "known"), [("event", False), ("delayed-pd", False), (None, True)])
 def test_a_delay_is_said_not_to_be_identified_before_anything_is_simulated(
-    family, known, recording, capsys, tmp_path, monkeypatch
+    family, known, recording, shell, tmp_path, monkeypatch
 ) -> None:
     def end(*_, **__):
         raise FitError("here the simulations would begin")
@@ -57,8 +57,7 @@ def test_a_delay_is_said_not_to_be_identified_before_anything_is_simulated(
     monkeypatch.setattr("icmj.fitting.network.library", lambda: None)
     monkeypatch.setattr("icmj.study.fit.fit", end)
     told = ["fit", str(recording), "--columns", "first", "--model", str(family), "--out", str(tmp_path / "out")]
-    assert main(told) == 2
-    said = capsys.readouterr().err
+    said = shell.refuses(told)
     assert "here the simulations would begin" in said
     assert ("the delay cannot be identified from quiet standing" in said) is not known
 
@@ -79,19 +78,18 @@ def test_a_delay_is_said_not_to_be_identified_before_anything_is_simulated(
     ("file,person,column\nanna.csv,anna,third\n", "third"),
     ("file,person\nberta.csv,berta\n", "berta.csv"),
 ])  # fmt: skip
-def test_a_wrong_table_is_one_line(recording, table, line, capsys, tmp_path) -> None:
+def test_a_wrong_table_is_one_line(recording, table, line, shell, tmp_path) -> None:
     path = tmp_path / "people.csv"
     path.write_text(table)
     os.mkfifo(tmp_path / "pipe")
-    assert main(["fit", "--table", str(path), "--model", "event"]) == 2
-    said = capsys.readouterr().err.strip()
+    said = shell.refuses(["fit", "--table", str(path), "--model", "event"]).strip()
     assert line in said
     assert "\n" not in said
 
 
 @pytest.mark.parametrize("name", ["people.csv", "BDSinfo.txt"])
 @pytest.mark.parametrize("kind", ["pipe", "device", "folder", "large"])
-def test_a_table_that_is_no_file_is_one_line(name, kind, capsys, tmp_path) -> None:
+def test_a_table_that_is_no_file_is_one_line(name, kind, shell, tmp_path) -> None:
     """A pipe was waited for without end, and 6.4 GB of a device were read."""
     path = tmp_path / name
     if kind == "pipe":
@@ -103,8 +101,7 @@ def test_a_table_that_is_no_file_is_one_line(name, kind, capsys, tmp_path) -> No
     else:
         with path.open("wb") as file:
             file.truncate(20_000_000)
-    assert main(["fit", "--table", str(path), "--model", "event"]) == 2
-    said = capsys.readouterr().err.strip()
+    said = shell.refuses(["fit", "--table", str(path), "--model", "event"]).strip()
     words = "has 20 MB or more; expected at most 10 MB" if kind == "large" else f"{name} is a {kind}, not a file"
     assert said == f"icmj: {path}: cannot be read ({words})"
 

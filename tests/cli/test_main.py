@@ -1,6 +1,5 @@
 """The command line's contract: JSON keys, exit status, one line on standard error, nothing written on bad input."""
 
-import json
 import math
 import re
 import subprocess
@@ -25,9 +24,8 @@ COMMANDS = (
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_help_has_an_example(command, capsys):
-    assert main([command, "--help"]) == 0
-    shown = " ".join(capsys.readouterr().out.split())
+def test_help_has_an_example(command, shell):
+    shown = " ".join(shell.says([command, "--help"]).split())
     assert f"Example: icmj {command}" in shown
 
 
@@ -55,9 +53,8 @@ def test_a_command_loads_only_what_it_needs(root, command, file):
     assert done.returncode == 0, done.stderr
 
 
-def test_analyse_json_is_the_contract(root, capsys):
-    assert main(["analyse", str(root / "runs" / "simple-1.7.toml"), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_analyse_json_is_the_contract(root, shell):
+    found = shell.answers(["analyse", str(root / "runs" / "simple-1.7.toml"), "--json"])
     assert {"delta_crit", "eigenvalue", "cycle", "period", "gamma", "amplitude", "crossings"} <= found.keys()
     assert found["delta_crit"] == pytest.approx(1.112, abs=5e-4)
     assert found["eigenvalue"] == pytest.approx([-1, 0], abs=1e-9)
@@ -70,30 +67,26 @@ def test_analyse_json_is_the_contract(root, capsys):
     assert second["largest_other"] == pytest.approx(1.20, abs=5e-3)
 
 
-def test_analyse_json_of_the_exact_model_has_nulls(root, capsys):
-    assert main(["analyse", str(root / "runs" / "simple-exact.toml"), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_analyse_json_of_the_exact_model_has_nulls(root, shell):
+    found = shell.answers(["analyse", str(root / "runs" / "simple-exact.toml"), "--json"])
     assert (found["delta_crit"], found["eigenvalue"], found["period"], found["gamma"]) == (None, None, None, None)
     assert (found["cycle"], found["crossings"]) == (False, [])
 
 
-def test_neglected_dynamics_unstable_under_state_feedback_only(root, capsys):
+def test_neglected_dynamics_unstable_under_state_feedback_only(root, shell):
     for name, stable in (("neglected-0.1", False), ("neglected-0.5", True)):
-        assert main(["analyse", str(root / "runs" / f"{name}.toml"), "--json"]) == 0
-        found = json.loads(capsys.readouterr().out)
+        found = shell.answers(["analyse", str(root / "runs" / f"{name}.toml"), "--json"])
         assert found["continuous_stable"] == {"state_feedback": stable, "observer_feedback": True}
 
 
-def test_analyse_prints_a_table(root, capsys):
-    assert main(["analyse", str(root / "runs" / "three-link-0.9.toml")]) == 0
-    shown = capsys.readouterr().out
+def test_analyse_prints_a_table(root, shell):
+    shown = shell.says(["analyse", str(root / "runs" / "three-link-0.9.toml")])
     assert "0.759379 s" in shown
     assert "attracting" in shown
 
 
-def test_linearise_json_has_matrices_poles_and_names(root, capsys):
-    assert main(["linearise", str(root / "models" / "pendulum.xml"), "--keyframe", "upright", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_linearise_json_has_matrices_poles_and_names(root, shell):
+    found = shell.answers(["linearise", str(root / "models" / "pendulum.xml"), "--keyframe", "upright", "--json"])
     assert found["states"] == ["hinge", "hinge_rate"]
     assert found["inputs"] == ["torque"]
     assert found["outputs"] == ["angle"]
@@ -197,16 +190,14 @@ initial = { hinge = 0.02 }
 """
 
 
-def test_a_number_that_there_is_not_is_a_dash_with_its_reason_or_null(tmp_path, capsys):
+def test_a_number_that_there_is_not_is_a_dash_with_its_reason_or_null(tmp_path, shell):
     file, why = tmp_path / "drift.toml", "a neutral mode may add any constant"
     file.write_text(DRIFT, encoding="utf-8")
-    assert main(["analyse", str(file)]) == 0
-    shown = capsys.readouterr().out
+    shown = shell.says(["analyse", str(file)])
     assert not re.search(r"\b(nan|inf)\b", shown)
     assert sum(line.rstrip().endswith(" –") for line in shown.splitlines()) >= 1
     assert f"A dash stands where there is no number: {why}." in " ".join(shown.split())
-    assert main(["analyse", str(file), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = shell.answers(["analyse", str(file), "--json"])
     assert found["amplitude"][1] is None
     assert found["missing"] == why
     seen = icmj.prepare(icmj.load_run(file)).prediction
@@ -216,7 +207,7 @@ def test_a_number_that_there_is_not_is_a_dash_with_its_reason_or_null(tmp_path, 
 
 
 @pytest.mark.slow
-def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path, capsys):
+def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path, shell):
     noise = '[[simulation.disturbance]]\nkind = "noise"\ninput = "torque"\nsize = 0.002\nseed = 5\nbandwidth = {}\n'
     text = (root / "runs" / "simple-0.8.toml").read_text(encoding="utf-8").replace("../models", str(root / "models"))
     slow, fast, file = (tmp_path / name for name in ("slow.toml", "fast.toml", "simple-0.8.linear.rrd"))
@@ -230,8 +221,7 @@ def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path
     later = case.run.with_(**{"simulation.duration": 2000.0, "simulation.record_interval": 1.0})
     assert not revise(case, later).notices
     assert str(revise(case, case.run.with_(**{"simulation.disturbance[0].seed": 6})).notices) != str(case.notices)
-    assert main(["analyse", str(fast)]) == 0
-    assert "slow" not in capsys.readouterr().out
+    assert "slow" not in shell.says(["analyse", str(fast)])
     commands = [
         ["analyse", str(slow)],
         ["analyse", str(slow), "--json"],
@@ -241,8 +231,7 @@ def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path
         ["measure", str(file), "--json"],
     ]
     for command in commands:
-        assert main(command) == 0
-        assert told in " ".join(capsys.readouterr().out.split()), command
+        assert told in " ".join(shell.says(command).split()), command
     assert "too short for the slow noise" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 

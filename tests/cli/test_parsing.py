@@ -38,11 +38,10 @@ def test_one_line_says_what_was_meant(words, said, columns, monkeypatch):
     assert said in str(raised.value)
 
 
-def test_a_stream_without_characters_for_a_box_is_told_as_much(capsys):
+def test_a_stream_without_characters_for_a_box_is_told_as_much(shell):
     """It was told "Invalid choice", the title of the box."""
     for words, said in (("run x --plant lineal", "expected linear or mujoco"), ("study --jobs two", "a whole number")):
-        assert main(words.split()) == 2
-        assert said in capsys.readouterr().err
+        assert said in shell.refuses(words.split())
 
 
 def test_options_come_with_underscores_too():
@@ -55,18 +54,16 @@ def test_set_is_repeatable():
     assert command.set == ("a.b=1", "c.d=2")
 
 
-def test_version_is_the_package_s(capsys):
+def test_version_is_the_package_s(shell):
     import icmj
 
-    assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"icmj {icmj.__version__}\n"
+    assert shell.says(["--version"]) == f"icmj {icmj.__version__}\n"
 
 
-def test_the_overview_names_every_command_once_in_a_group(capsys):
+def test_the_overview_names_every_command_once_in_a_group(shell):
     from icmj.cli.parsing import _classes
 
-    assert main([]) == 0
-    shown = capsys.readouterr().out
+    shown = shell.says([])
     assert [name for group in GROUPS.values() for name in group] == list(_classes())
     for name in _classes():
         assert shown.count(f"\n  {name} ") == 1
@@ -74,10 +71,9 @@ def test_the_overview_names_every_command_once_in_a_group(capsys):
 
 
 @pytest.mark.parametrize("name", [name for group in GROUPS.values() for name in group])
-def test_help_shows_nothing_that_only_python_has(name, capsys):
+def test_help_shows_nothing_that_only_python_has(name, shell):
     """It had "{None}|PATH" and "(default: )"."""
-    assert main([name, "--help"]) == 0
-    shown = capsys.readouterr().out
+    shown = shell.says([name, "--help"])
     for odd in ("None", "(default: )", "TUPLE", "False"):
         assert odd not in shown
     assert "general options" in shown

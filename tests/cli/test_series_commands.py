@@ -1,6 +1,5 @@
 """Commands on time series: what they write and print, and one line for what they refuse."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -42,22 +41,19 @@ def test_export_at_a_rate_is_even(log, tmp_path):
     assert rows.t[-1] == pytest.approx(result("b0.8").simulation.t[-1])
 
 
-def test_measure_prints_a_table(log, root, capsys):
-    assert main(["measure", str(root / "examples" / "standing.csv"), "--rate", "100"]) == 0
-    shown = capsys.readouterr().out
+def test_measure_prints_a_table(log, root, shell):
+    shown = shell.says(["measure", str(root / "examples" / "standing.csv"), "--rate", "100"])
     assert "60 s at 100 Hz" in shown
     row = next(line for line in shown.splitlines() if "mean speed" in line)
     assert row.split()[-1] == "0.6202"
-    assert main(["measure", str(log), "--since", "6"]) == 0
-    shown = capsys.readouterr().out
+    shown = shell.says(["measure", str(log), "--since", "6"])
     assert "y.angle (deg)" in shown
     assert "54" in shown
 
 
-def test_measure_json_has_every_measure(root, capsys):
+def test_measure_json_has_every_measure(root, shell):
     file = str(root / "examples" / "standing.csv")
-    assert main(["measure", file, "--rate", "100", "--low-pass", "10", "--band", "0.15", "5", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = shell.answers(["measure", file, "--rate", "100", "--low-pass", "10", "--band", "0.15", "5", "--json"])
     assert [c["name"] for c in found["coordinates"]] == ["ap", "ml"]
     assert found["coordinates"][0]["unit"] == "cm"
     assert found["plane"]["ellipse"]["area"] == pytest.approx(0.9447, rel=1e-3)
@@ -67,15 +63,14 @@ def test_measure_json_has_every_measure(root, capsys):
     assert len(found["spectrum"]["power"]) == 2
 
 
-def test_measure_takes_the_centre_of_pressure_from_a_torque(log, capsys):
-    assert main(["measure", str(log), "--torque", "u.torque", "--weight", "700", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_measure_takes_the_centre_of_pressure_from_a_torque(log, shell):
+    found = shell.answers(["measure", str(log), "--torque", "u.torque", "--weight", "700", "--json"])
     rows = result("b0.8").to_series(100.0)
     assert found["coordinates"][0]["name"] == "cop"
     assert found["coordinates"][0]["rms"] == pytest.approx(rows["u.torque"].std() / 700)
 
 
-def test_measure_takes_the_centre_of_pressure_of_who_stands_on_a_floor(root, tmp_path, capsys):
+def test_measure_takes_the_centre_of_pressure_of_who_stands_on_a_floor(root, tmp_path, shell):
     found = result("b0.8")
     N, none = len(found.simulation.t), np.zeros(0)
     centre = np.column_stack([0.004 * np.sin(found.simulation.t), np.zeros(N)])
@@ -84,8 +79,7 @@ def test_measure_takes_the_centre_of_pressure_of_who_stands_on_a_floor(root, tmp
     )
     ground = replace(ground, load_after=np.zeros((0, 0)))
     write_log(replace(found, simulation=replace(found.simulation, pressure=ground)), tmp_path / "floor.rrd")
-    assert main(["measure", str(tmp_path / "floor.rrd")]) == 0
-    assert "cop.x (mm)" in capsys.readouterr().out
+    assert "cop.x (mm)" in shell.says(["measure", str(tmp_path / "floor.rrd")])
 
 
 FILES = {

@@ -1,6 +1,5 @@
 """Rounds of switched feedback: against a plain integration with a history, scaling, and long simulations."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +8,6 @@ import pytest
 from terminal_cases import told
 
 from icmj.case.case import prepare, simulate_plant
-from icmj.cli.main import main
 from icmj.controller.delayed import SwitchingPD, slope_of
 from icmj.errors import AnalysisError
 from icmj.experiments.attraction import attraction, rounds, rounds_of
@@ -108,13 +106,11 @@ def test_what_is_left_of_a_departure_is_what_one_put_in_leaves() -> None:
 @pytest.mark.slow
 @pytest.mark.kernels
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
-def test_on_the_command_line(plant: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["cycle", "one-link-switching", "--plant", plant, "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
+def test_on_the_command_line(plant: str, shell) -> None:
+    said = shell.answers(["cycle", "one-link-switching", "--plant", plant, "--json"])
     assert said["switches"] == 4
     assert said["period"] == pytest.approx(4.131, abs=5e-4)
-    assert main(["cycle", "one-link-delayed-pd", "--plant", plant]) == 2
-    (line,) = told(capsys.readouterr().err)
+    (line,) = told(shell.refuses(["cycle", "one-link-delayed-pd", "--plant", plant]))
     assert "never switches has no cycle of its own" in line
 
 

@@ -1,11 +1,8 @@
 """Recordings of a movement laboratory: OpenSim's tables and C3D, written here by hand and by ezc3d's own writer."""
 
-import json
-
 import numpy as np
 import pytest
 
-from icmj.cli.main import main
 from icmj.errors import DataError
 from icmj.series import formats
 from icmj.series.reading import read_series, write_series
@@ -77,7 +74,7 @@ def test_an_angle_whose_unit_a_header_does_not_say_has_none(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["mot", "sto", "csv", "parquet", "npz"])
-def test_what_was_recorded_before_0_is_measured(tmp_path, capsys, kind):
+def test_what_was_recorded_before_0_is_measured(tmp_path, shell, kind):
     """A recording often begins before the trigger that is its 0: without that half, of mean 2, the rest has mean 1."""
     t = np.arange(-200, 200) / 100
     x = np.where(t < 0, 2.0, 1.0) + 1e-3 * np.sin(9 * t)
@@ -88,12 +85,10 @@ def test_what_was_recorded_before_0_is_measured(tmp_path, capsys, kind):
             file.writelines(f"{a:.2f}\t{b:.8f}\n" for a, b in zip(t, x, strict=True))
     else:
         write_series(Series(t, x[:, None], ("ap",), ("mm",)), path)
-    assert main(["measure", str(path), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = shell.answers(["measure", str(path), "--json"])
     assert found["duration"] == pytest.approx(4.0)
     assert found["coordinates"][0]["mean"] == pytest.approx(1.5, abs=1e-3)
-    assert main(["measure", str(path), "--since", "0", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = shell.answers(["measure", str(path), "--since", "0", "--json"])
     assert found["duration"] == pytest.approx(2.0)
     assert found["coordinates"][0]["mean"] == pytest.approx(1.0, abs=1e-3)
 
@@ -146,15 +141,14 @@ def test_points_and_analog_channels_of_c3d_are_read_with_rates_and_units(recordi
         read_series(path, columns=["C8.x"])
 
 
-def test_the_centre_of_pressure_of_c3d_is_that_of_the_moments(recording, capsys):
+def test_the_centre_of_pressure_of_c3d_is_that_of_the_moments(recording, shell):
     path, _, _, centre = recording
     series = read_series(path)
     assert series.names == ("plate1.cop.x", "plate1.cop.y")
     assert series.units == ("mm", "mm")
     # the plate's y is opposite to the laboratory's
     np.testing.assert_allclose(series.values, (centre * [[1], [-1]]).T, atol=1e-3)
-    assert main(["measure", str(path), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = shell.answers(["measure", str(path), "--json"])
     assert told["coordinates"][0]["rms"] == pytest.approx(centre[0].std(), rel=1e-4)
     assert told["plane"] is not None
     mixed = read_series(path, columns=["cop.x", "force.z", "Fz1"])

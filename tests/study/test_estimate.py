@@ -87,25 +87,23 @@ run = "quiet-standing"
     (20_000, 60.0, 100.0, r"40000 trials, .* and 1[5-9] GB of memory;"),
 ])  # fmt: skip
 def test_trials_that_take_hours_or_memory_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], count: int, duration: float, rate: float, words: str
+    tmp_path: Path, shell, count: int, duration: float, rate: float, words: str
 ) -> None:
     """All of them began at once."""
     file = tmp_path / "standing.toml"
     file.write_text(STANDING.format(count=count, duration=duration, rate=rate))
-    assert main(["experiment", str(file), "--out", str(tmp_path / "out"), "--jobs", "1"]) == 2
-    (line,) = told(capsys.readouterr().err)
+    (line,) = told(shell.refuses(["experiment", str(file), "--out", str(tmp_path / "out"), "--jobs", "1"]))
     assert re.search(words, line)
     assert "or start it with --yes" in line
     assert not (tmp_path / "out").exists()
 
 
-def test_stored_trials_take_no_more_time_and_yes_starts_any(tmp_path, monkeypatch, capsys):
+def test_stored_trials_take_no_more_time_and_yes_starts_any(tmp_path, monkeypatch, shell):
     file, out = tmp_path / "standing.toml", tmp_path / "out"
     file.write_text(STANDING.format(count=2, duration=3.0, rate=50.0))
     command = ["experiment", str(file), "--out", str(out), "--jobs", "1"]
     monkeypatch.setattr("icmj.study.estimate.LONGEST", 0.0)
-    assert main(command) == 2
-    assert "4 trials, of up to 200 rows, would take about" in capsys.readouterr().err
+    assert "4 trials, of up to 200 rows, would take about" in shell.refuses(command)
     assert main([*command, "--yes"]) == 0
     assert main(command) == 0
 
@@ -197,13 +195,12 @@ def test_pace_is_of_the_last_window() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_line_asks_for_yes(root, tmp_path, monkeypatch, capsys):
+def test_the_command_line_asks_for_yes(root, tmp_path, monkeypatch, shell):
     monkeypatch.chdir(tmp_path)
     text = SHORT.format(name="slow", model=root / "models" / "pendulum.xml", duration=40, more="")
     (tmp_path / "slow.toml").write_text(text.replace("duration =", "timestep = 1e-9\nduration ="))
     for command in ("run", "study"):
-        assert main([command, "slow.toml", "--out", "out"]) == 2
-        (line,) = told(capsys.readouterr().err)
+        (line,) = told(shell.refuses([command, "slow.toml", "--out", "out"]))
         assert "slow (mujoco) would take about" in line
         assert "(4e+10 steps of 1e-09 s)" in line
         assert "--yes" in line
@@ -216,11 +213,10 @@ def test_the_command_line_asks_for_yes(root, tmp_path, monkeypatch, capsys):
 ])  # fmt: skip
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
 def test_a_run_that_cannot_start_is_refused_before_anything_is_written(
-    root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], duration: float, more: str, words: str, plant: str
+    root: Path, tmp_path: Path, shell, duration: float, more: str, words: str, plant: str
 ) -> None:
     text = SHORT.format(name="short", model=root / "models" / "pendulum.xml", duration=duration, more="")
     (tmp_path / "case.toml").write_text(text.replace("[actual]", f"[actual]\n{more}"), encoding="utf-8")
     command = ["run", str(tmp_path / "case.toml"), "--plant", plant, "--out", str(tmp_path / "out")]
-    assert main(command) == 2
-    assert words in capsys.readouterr().err
+    assert words in shell.refuses(command)
     assert not (tmp_path / "out").exists()

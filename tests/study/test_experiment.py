@@ -11,7 +11,6 @@ import pytest
 from terminal_cases import told as signs_apart
 
 import icmj
-from icmj.cli.main import main
 from icmj.errors import DataError, IcmjError, RunFileError, StudyError
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.reading import parse_toml
@@ -137,20 +136,18 @@ def test_a_trial_is_a_recording_like_anybody_s(done):
         icmj.analyse_recordings(experiment.file, [])
 
 
-def test_recordings_from_the_command_line(done, tmp_path, capsys):
+def test_recordings_from_the_command_line(done, tmp_path, shell):
     folder, _ = done
     series = icmj.read_series(folder / "trials" / "own.linear.0000.parquet").chosen(["force.x", "force.z", "cop.x"])
     icmj.write_series(series, tmp_path / "plate.csv")
     (tmp_path / "short.toml").write_text(TEXT)
     words = ["experiment", str(tmp_path / "short.toml"), "--recording", str(tmp_path / "plate.csv"), "--json"]
-    assert main([*words, "--out", str(tmp_path / "out")]) == 0
-    told = json.loads(capsys.readouterr().out)["found"]
+    told = shell.answers([*words, "--out", str(tmp_path / "out")])["found"]
     assert told[0]["plant"] == "recording"
     assert told[0]["numbers"]["z at 1 Hz (m)"] > 0
     bad = icmj.Series(series.t, series.values, series.names)
     icmj.write_series(bad, tmp_path / "plain.csv")
-    assert main([*words[:3], str(tmp_path / "plain.csv"), "--out", str(tmp_path / "out")]) == 2
-    (said,) = signs_apart(capsys.readouterr().err)
+    (said,) = signs_apart(shell.refuses([*words[:3], str(tmp_path / "plain.csv"), "--out", str(tmp_path / "out")]))
     assert "plain.csv: force.x: has no unit" in said
 
 

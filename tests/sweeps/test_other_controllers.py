@@ -5,7 +5,6 @@ import pytest
 
 import icmj
 from icmj.case.case import prepare, simulate
-from icmj.cli.main import main
 from icmj.errors import RunFileError
 from icmj.experiments.attraction import rounds_of
 from icmj.report.maps import pictures
@@ -84,6 +83,5 @@ def test_what_only_intermittent_control_has_is_refused(tmp_path):
     ("one-link-switching", "1.36778, -1.43444"),  # the saddle without feedback
     ("one-link-switching", "0.73140938: stands"),
 ])  # fmt: skip
-def test_analyse_tells_the_roots_of_each_mode(name, said, capsys):
-    assert main(["analyse", name]) == 0
-    assert said in " ".join(capsys.readouterr().out.split())
+def test_analyse_tells_the_roots_of_each_mode(name, said, shell):
+    assert said in " ".join(shell.says(["analyse", name]).split())
