@@ -18,6 +18,7 @@ from icmj.linear.run import simulate
 from icmj.measurement.measurement import measure
 from icmj.plant.linear_plant import LinearPlant, transformation
 from icmj.runfile.reading import parse_run
+from icmj.simulation.simulation import Pressure
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 
@@ -103,6 +104,14 @@ def result(name: str, plant: str = "linear") -> Result:
         measurement=departed,
         law=AmplitudeLaw(q_t, 2.3 * q_t**2, -1.4 * q_t**2, 2.0, 2.0) if name == "three-link" else None,
     )
+
+
+def swaying(found: Result) -> Result:
+    """The same as of who stands on a floor, with a centre of pressure that sways by 4 mm."""
+    t = found.simulation.t
+    centre, none = np.column_stack([0.004 * np.sin(t), 0 * t]), np.zeros(0)
+    sides = (np.zeros((len(t), 0)), none, none, np.zeros((0, 2)), np.zeros((0, 0)))
+    return replace(found, simulation=replace(found.simulation, pressure=Pressure(t, centre, np.zeros(2), (), *sides)))
 
 
 def everything() -> list[Result]:

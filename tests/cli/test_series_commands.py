@@ -1,16 +1,13 @@
 """Commands on time series: what they write and print, and one line for what they refuse."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from report_cases import result
+from report_cases import result, swaying
 from terminal_cases import told
 
 from icmj.cli.main import main
 from icmj.log.writer import write_log
 from icmj.series.reading import read_series
-from icmj.simulation.simulation import Pressure
 
 
 @pytest.fixture(scope="module")
@@ -71,14 +68,7 @@ def test_measure_takes_the_centre_of_pressure_from_a_torque(log, shell):
 
 
 def test_measure_takes_the_centre_of_pressure_of_who_stands_on_a_floor(root, tmp_path, shell):
-    found = result("b0.8")
-    N, none = len(found.simulation.t), np.zeros(0)
-    centre = np.column_stack([0.004 * np.sin(found.simulation.t), np.zeros(N)])
-    ground = Pressure(
-        found.simulation.t, centre, np.zeros(2), (), np.zeros((N, 0)), none, none, *2 * (np.zeros((0, 2)),)
-    )
-    ground = replace(ground, load_after=np.zeros((0, 0)))
-    write_log(replace(found, simulation=replace(found.simulation, pressure=ground)), tmp_path / "floor.rrd")
+    write_log(swaying(result("b0.8")), tmp_path / "floor.rrd")
     assert "cop.x (mm)" in shell.says(["measure", str(tmp_path / "floor.rrd")])
 
 

@@ -6,11 +6,12 @@ from html.parser import HTMLParser
 from xml.etree import ElementTree
 
 import pytest
-from report_cases import CASES, result, whole_report
+from report_cases import CASES, result, run_text, whole_report
 
 from icmj.errors import ReportError
 from icmj.report.builder import build_report
 from icmj.report.panels import PANELS
+from icmj.runfile.reading import parse_run
 
 pytestmark = pytest.mark.slow  # every figure of every case is drawn
 
@@ -149,10 +150,6 @@ def test_an_unusable_place_is_named(tmp_path):
 
 
 def test_titles_are_text_not_markup(tmp_path):
-    from report_cases import run_text
-
-    from icmj.runfile.reading import parse_run
-
     text = run_text("b0.8").replace("Simple system, b = 0.8", "<img src=x onerror=alert(1)> & co")
     build_report([replace(result("b0.8"), run=parse_run(text))], tmp_path / "r.html")
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
