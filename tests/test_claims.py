@@ -42,9 +42,7 @@ PRECISE = re.compile(
     r"10[⁰¹²³⁴-⁹⁻]|10\^|\de[-−+]?\d|%|×|\btimes\b|\bwithin\b|\bdigits?\b|\baccura|\bexact|\bcoincide|(?<![\d.])\d{1,3}\.\d{2,}"
     r"|\d (?:ms|µs|s|MB|GB|kB|min|minutes?|seconds?|hours?|core-hours)\b|\bof \d+\b"
 )
-AGREEMENT = re.compile(
-    r"\bagree(?:s|d|ment)?\b|bit for bit|last bit|byte for byte|\bidentical\b|\bsame bits\b|\bequals?\b"
-)
+AGREEMENT = re.compile(r"\b(?:agree(?:s|d|ment)?|identical|same bits|equals?)\b|bit for bit|last bit|byte for byte")
 
 
 def plain(text: str) -> str:

@@ -261,14 +261,7 @@ def test_a_measure_that_gives_no_numbers_is_told(own: Path) -> None:
     ("rules:absent", ["--allow-code"], "the module has no 'absent'"),
 ])  # fmt: skip
 def test_a_measure_that_cannot_be_taken_costs_no_run(
-    tmp_path: Path,
-    root: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    shell,
-    name: str,
-    reference: str,
-    allowed: list[str],
-    words: str,
+    tmp_path, root, monkeypatch, shell, name, reference, allowed, words
 ) -> None:
     """It was refused after the run, of which nothing was left."""
     text = RUNS.meant(Path(name)).read_text(encoding="utf-8").replace("../", "").partition("[study]")

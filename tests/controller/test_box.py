@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from linear_cases import loop_matrix
 from scipy.linalg import expm
-from scipy.optimize import brentq, linear_sum_assignment
-from theory_cases import random_systems, shipped
+from scipy.optimize import brentq
+from theory_cases import assert_multipliers_agree, random_systems, shipped, started_beside
 
 import icmj
 from icmj.controller.controller import Controller
@@ -20,8 +20,7 @@ from icmj.linear.run import simulate as simulate_linear
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.settings import Settings
 from icmj.theory.error_system import ErrorSystem
-from icmj.theory.orbit import jacobian
-from icmj.theory.prediction import Prediction, predict
+from icmj.theory.prediction import predict
 
 BoxTrigger = icmj.BoxTrigger
 
@@ -60,6 +59,18 @@ def flight(system: ErrorSystem, rule: BoxTrigger, z: np.ndarray, longest: float,
     return None
 
 
+def level_of(system: ErrorSystem, rule: BoxTrigger):
+    """The component of a hold error that is nearest to its threshold, relative to it."""
+    rows = system.design.plant.C if rule.on == "output" else np.eye(system.n_hat)
+
+    def level(e: np.ndarray) -> complex:
+        relative = rows @ e / rule.threshold
+        i = np.abs(relative.real).argmax()
+        return relative[i] * np.sign(relative[i].real)
+
+    return level
+
+
 def predictions(seed: int, count: int, verdicts: tuple[str, ...], spread: float = 0.5):
     """Random systems with a box whose orbit is one of ``verdicts``."""
     found = 0
@@ -72,38 +83,6 @@ def predictions(seed: int, count: int, verdicts: tuple[str, ...], spread: float 
             if found == count:
                 return
     raise AssertionError(f"only {found} orbits found")
-
-
-def map_in_x_bar(system: ErrorSystem, rule: BoxTrigger, x_bar: np.ndarray, delta: float) -> np.ndarray:
-    """x̄ at the next event, near ``delta``, from a complex x̄ that is real but for a tiny part."""
-    controller = Controller(system.design, system_matched(system.design), rule)
-    M, n, m = loop_matrix(system.actual, controller), system.n, system.n_hat
-    x = x_bar[:n]
-    x_o = x_bar[n:] + system.T_hat @ x
-    base = expm(M * 0.95 * delta) @ np.concatenate([x, x_o, x_o])
-
-    def excess(s: float) -> float:
-        state = expm(M * s) @ base.real
-        return float(errors(system.design, rule, state[n + m :] - state[n : n + m]).max() - 1)
-
-    z = expm(M * brentq(excess, 0.0, 0.1 * delta, xtol=1e-15, rtol=1e-14)) @ base
-    rows = system.design.plant.C if rule.on == "output" else np.eye(m)
-    e, rate = (rows @ (state[n + m :] - state[n : n + m]) / rule.threshold for state in (z, M @ z))
-    i = np.abs(e.real).argmax()
-    z = z - M @ z * ((e[i] - np.sign(e[i].real)) / rate[i])  # the event of the tiny part is tinily elsewhere
-    return np.concatenate([z[:n], z[n : n + m] - system.T_hat @ z[:n]])
-
-
-def assert_multipliers_agree(system: ErrorSystem, rule: BoxTrigger, prediction: Prediction) -> None:
-    orbit = prediction.orbit
-    assert orbit is not None
-    # by differences along the imaginary axis, Im f(x + ih)/h: nothing is cut off, and nothing cancels
-    J, h = jacobian(system, rule, orbit), 1e-30 * np.abs(orbit.x_bar).max()
-    ends = [map_in_x_bar(system, rule, orbit.x_bar + 1j * h * e, orbit.delta) for e in np.eye(len(J))]
-    measured = np.column_stack(ends).imag / h
-    assert np.abs(J - measured).max() < 1e-9 * max(1.0, np.abs(J).max())
-    gap = np.abs(prediction.multipliers[:, None] - np.linalg.eigvals(measured))
-    assert gap[linear_sum_assignment(gap)].max() < 1e-9 * max(1.0, np.abs(prediction.multipliers).max())
 
 
 # --- the rule itself -------------------------------------------------------------------------------------------------
@@ -158,7 +137,7 @@ def test_shipped_cases_agree_with_finite_differences(case: str, on: str) -> None
     prediction = predict(system, rule, delta_max=4.0)
     assert prediction.orbit is not None
     if prediction.orbit.admissible:
-        assert_multipliers_agree(system, rule, prediction)
+        assert_multipliers_agree(system, rule, prediction, level_of(system, rule))
     else:
         assert on == "state"
 
@@ -167,7 +146,7 @@ def test_shipped_cases_agree_with_finite_differences(case: str, on: str) -> None
 def test_random_plants_agree_with_finite_differences() -> None:
     faces = set()
     for _, system, rule, prediction in predictions(99, 40, ("attracting", "repelling")):
-        assert_multipliers_agree(system, rule, prediction)
+        assert_multipliers_agree(system, rule, prediction, level_of(system, rule))
         faces.add(rule.faces(system.design).active(prediction.orbit.e_hp[-1]))
     assert len(faces) > 1  # not always the same face
 
@@ -200,18 +179,7 @@ def test_orbits_attract_or_repel_as_their_multipliers_say() -> None:
         largest = np.abs(prediction.multipliers).max()
         if 0.9 <= largest <= 1.1:
             continue
-        orbit, n = prediction.orbit, system.n
-        random = np.random.default_rng(i)
-        away = random.normal(size=len(orbit.x_bar))
-        start = orbit.x_bar + 1e-3 * np.linalg.norm(orbit.x_bar) * away / np.linalg.norm(away)
-        x, x_o, x_h = np.split(system.to_original(system.T_bar @ start), [n, n + system.n_hat])
-        controller = Controller(system.design, system_matched(system.design), rule)
-        settings = Settings(duration=80 * orbit.delta, record_interval=1e3, limit=1e6)
-        run = simulate_linear(system.actual, controller, settings, x0=x, x_o0=x_o, x_h0=x_h).events
-        at = system.from_original(np.hstack([run.x, run.x_o, run.x_o]))[:, : len(orbit.x_bar)]
-        gap = np.minimum(*(np.linalg.norm(at - s * orbit.x_bar, axis=1) for s in (1, -1)))
-        attracted = len(gap) > 10 and gap[-3:].max() < 1e-4 * np.linalg.norm(orbit.x_bar)
-        assert attracted == (largest < 1)
+        assert started_beside(system, rule, prediction, i)[1] == (largest < 1)
         clear += 1
     assert clear >= 40
 

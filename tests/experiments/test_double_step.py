@@ -99,9 +99,8 @@ def test_the_times_of_a_control_that_jumps_stand_at_rows_where_noise_moves_them_
     seen = reconstruct_steps(Series(t, (u + noise)[:, None], ("u",), ("m",)), "u", pairs)
     turned = np.exp(2j * np.pi * (pairs.t + seen.rt) / rows).mean()
     assert np.abs(turned) > 0.5  # a jump between two rows hardly says where between them
-    assert (
-        abs(np.angle(turned)) / (2 * np.pi) < 0.06
-    )  # rows; noise, some 0.1 a time, leaves the mean of 80 a fifth of it
+    # rows; noise, some 0.1 a time, leaves the mean of 80 a fifth of it
+    assert abs(np.angle(turned)) / (2 * np.pi) < 0.06
     assert np.ptp(seen.rt) < 2 * rows
 
 

@@ -53,9 +53,8 @@ def test_numbers_vary_of_the_start_and_of_the_plant(standing):
 
 
 def test_a_function_keeps_what_it_likes_and_what_falls_is_not_a_number(standing):
-    batch = icmj.simulate_many(
-        standing, 2, keep=lambda run: {"peak": np.abs(run.y).max(axis=0), "count": len(run.events)}, jobs=1
-    )
+    keep = lambda run: {"peak": np.abs(run.y).max(axis=0), "count": len(run.events)}  # noqa: E731
+    batch = icmj.simulate_many(standing, 2, keep=keep, jobs=1)
     assert batch["peak"].shape == (2, 3)
     assert (batch["count"] >= 5).all()
     fallen = icmj.simulate_many(standing, 2, vary={"simulation.limit": [1.0, 0.0021]}, jobs=1)

@@ -84,9 +84,8 @@ def series_of(noise: float, seed: int, P: int = 8) -> icmj.Series:
     """A gain of 2 and a lag, and white noise on top; 20 Hz, period 5 s."""
     random, t = np.random.default_rng(seed), np.arange(100 * P) / 20
     u = sum(np.cos(2 * np.pi * f * t + k) for k, f in enumerate(LINES))
-    y = sum(2 * np.cos(2 * np.pi * f * t + k - 0.3) for k, f in enumerate(LINES)) + noise * random.standard_normal(
-        len(t)
-    )
+    y = sum(2 * np.cos(2 * np.pi * f * t + k - 0.3) for k, f in enumerate(LINES))
+    y = y + noise * random.standard_normal(len(t))
     return icmj.Series(t, np.column_stack([u, y]), ("u", "y"), ("N m", "rad"))
 
 

@@ -43,13 +43,9 @@ def linked(path: Path) -> None:
 
 
 ODD: dict[str, Callable[[Path], object]] = {
-    "pipe": os.mkfifo,
-    "socket": listening,
-    "device": device,
-    "link": linked,
-    "dangling link": dangling,
-    "folder": Path.mkdir,
-}
+    "pipe": os.mkfifo, "socket": listening, "device": device,
+    "link": linked, "dangling link": dangling, "folder": Path.mkdir,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -85,14 +81,7 @@ COMMANDS = {
 @pytest.mark.slow
 # a study takes seconds to look at its inputs
 @pytest.mark.parametrize(("command", "kind"), [(c, k) for c in COMMANDS for k in ODD if c != "study" or k == "pipe"])
-def test_nothing_but_a_file_is_replaced(
-    command: str,
-    kind: str,
-    log: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+def test_nothing_but_a_file_is_replaced(command, kind, log, tmp_path, monkeypatch, capfd):
     run = short_run(tmp_path, duration=5.0)
     words, targets = COMMANDS[command]
     for i, name in enumerate(targets):

@@ -57,10 +57,7 @@ def test_a_recording_is_read_in_metres_whatever_its_unit_and_rate(tmp_path, root
         "short": (lambda t, x: (t[:2000], x[:2000], "mm"), r"20 s; expected at least 30 s"),
         "gap": (lambda t, x: (np.r_[t[:3000], t[3100:]], np.r_[x[:3000], x[3100:]], "mm"), "gap"),
         "missing": (lambda t, x: (t, np.where(np.arange(len(x)) == 7, np.nan, x), "mm"), "missing"),
-        "stuck": (
-            lambda t, x: (t, np.r_[x[:3000], np.full(200, x[3000]), x[3200:]], "mm"),
-            r"one value for 2 s from 30",
-        ),
+        "stuck": (lambda t, x: (t, np.r_[x[:3000], [x[3000]] * 200, x[3200:]], "mm"), r"one value for 2 s from 30"),
         "cm called m": (lambda t, x: (t, x / 10, "m"), r"RMS of 0.4 m in m; .* probably wrong"),
         "m called mm": (lambda t, x: (t, x / 1000, "mm"), r"RMS of 0.004 mm in mm"),
         "no sway": (lambda t, x: (t, 0 * x, "mm"), "no sway at all"),

@@ -37,9 +37,8 @@ def test_an_event_rule_is_told_from_two_trials_and_again_from_their_recordings(t
     found = done["simple-exact"].finding
     assert found.told.kind == "event"
     assert found.numbers["slope −1 (s)"] == pytest.approx(0.35, abs=0.01)
-    np.testing.assert_allclose(
-        found.curves["RT2 (s)"], 0.14 + np.maximum(0, 0.35 - np.array([0.1, 0.25, 0.5])), atol=0.02
-    )
+    expected = 0.14 + np.maximum(0, 0.35 - np.array([0.1, 0.25, 0.5]))
+    np.testing.assert_allclose(found.curves["RT2 (s)"], expected, atol=0.02)
     np.testing.assert_array_equal(found.curves["pairs"], 8)
     files = [tmp_path / "out" / "trials" / f"simple-exact.linear.{i:04d}.parquet" for i in (0, 1)]
     first, second = (icmj.read_series(path) for path in files)

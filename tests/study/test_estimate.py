@@ -86,9 +86,7 @@ run = "quiet-standing"
     (5, 18.0, 1e5, r"10 trials, of up to 1.9e\+06 rows, would take about (.* and )?[0-9.]+ GB of memory"),
     (20_000, 60.0, 100.0, r"40000 trials, .* and 1[5-9] GB of memory;"),
 ])  # fmt: skip
-def test_trials_that_take_hours_or_memory_are_refused(
-    tmp_path: Path, shell, count: int, duration: float, rate: float, words: str
-) -> None:
+def test_trials_that_take_hours_or_memory_are_refused(tmp_path, shell, count, duration, rate, words) -> None:
     """All of them began at once."""
     file = tmp_path / "standing.toml"
     file.write_text(STANDING.format(count=count, duration=duration, rate=rate))
@@ -118,9 +116,8 @@ def planned(path: Path) -> list[tuple[Case, PlantKind, int]]:
 def test_rows_that_take_too_much_memory_are_told(root: Path) -> None:
     """Of a million rows of the three-link person a log took 2.3 GB to write."""
     found = case(root, 1.0, "record_interval = 5e-7")
-    with pytest.raises(
-        StudyError, match=r"would take about 2.1 GB of memory \(2e\+06 rows\); raise simulation.record_int"
-    ):
+    words = r"would take about 2.1 GB of memory \(2e\+06 rows\); raise simulation.record_interval"
+    with pytest.raises(StudyError, match=words):
         refuse_long(found, "linear", 1.0, LONGEST, study=True)
     refuse_long(found, "linear", 1.0, None, study=True)
     refuse_long(found, "linear", 1.0, LONGEST)  # without the same rows under continuous control
@@ -213,7 +210,7 @@ def test_the_command_line_asks_for_yes(root, tmp_path, monkeypatch, shell):
 ])  # fmt: skip
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
 def test_a_run_that_cannot_start_is_refused_before_anything_is_written(
-    root: Path, tmp_path: Path, shell, duration: float, more: str, words: str, plant: str
+    root, tmp_path, shell, duration, more, words, plant
 ) -> None:
     text = SHORT.format(name="short", model=root / "models" / "pendulum.xml", duration=duration, more="")
     (tmp_path / "case.toml").write_text(text.replace("[actual]", f"[actual]\n{more}"), encoding="utf-8")

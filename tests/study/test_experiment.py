@@ -92,15 +92,6 @@ def test_two_processes_are_not_at_one_folder(tmp_path):
         pass
 
 
-def test_trials_are_not_written_through_a_link(tmp_path):
-    (tmp_path / "other").mkdir()
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "trials").symlink_to(tmp_path / "other")
-    with pytest.raises(StudyError, match="is a link, not a folder"):
-        icmj.run_experiment(file_of(TEXT, tmp_path), tmp_path / "out", jobs=1)
-    assert not list((tmp_path / "other").iterdir())
-
-
 def test_it_goes_on_where_it_ended_with_the_same_numbers(done, tmp_path):
     folder, experiment = done
     again = tmp_path / "again"

@@ -158,12 +158,8 @@ def test_summary_comes_from_the_logs(folder, summary):
 def test_progress_rises_to_its_end(root, tmp_path):
     without = ["simulation.duration=4", "study.growth_points=0", "study.attractor_starts=0", "study.law_q_t=[]"]
     told = []
-    outputs = run_study(
-        find_runs([root / "runs" / "simple-0.8.toml"], without),
-        tmp_path / "out",
-        jobs=1,
-        progress=lambda label, done: told.append(done),
-    )
+    runs = find_runs([root / "runs" / "simple-0.8.toml"], without)
+    outputs = run_study(runs, tmp_path / "out", jobs=1, progress=lambda label, done: told.append(done))
     assert told == sorted(told)
     assert told[-1] == 1.0
     assert [log.name for log in outputs.logs] == [f"simple-0.8.{plant}.rrd" for plant in ("linear", "mujoco")]
@@ -229,12 +225,8 @@ def test_an_interrupted_run_keeps_what_was_simulated(root, plant):
 
 
 ADDED = ("continuous", "growth", "law", "attractors")
-BRIEF = {
-    "simulation.duration": 12.0,
-    "study.law_q_t": [1e-2, 1e-3],
-    "study.growth_points": 2,
-    "study.attractor_starts": 2,
-}
+BRIEF = {"simulation.duration": 12.0, "study.law_q_t": [1e-2, 1e-3]}
+BRIEF |= {"study.growth_points": 2, "study.attractor_starts": 2}
 
 
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from sweep_cases import GRID, sweep_file
+from tampering import EXPERIMENT
 
 import icmj
 from icmj.errors import DataError, IcmjError
@@ -127,23 +128,8 @@ def test_whatever_a_reader_raises_is_one_line_that_says_what_to_do(tmp_path: Pat
 
     with pytest.raises(DataError) as caught:
         Folder(tmp_path, DataError, "simulated").read(tmp_path / "a", 10, fail)
-    assert str(caught.value) == (
-        f"{tmp_path / 'a'}: cannot be read (b'one' of two lines); remove it, and it is simulated again"
-    )
-
-
-EXPERIMENT = """
-[experiment]
-name = "short"
-plants = ["linear"]
-repetitions = 1
-[intersection_point]
-duration = 4.0
-settle = 1.0
-[[case]]
-run = "quiet-standing"
-name = "own"
-"""
+    said = "cannot be read (b'one' of two lines); remove it, and it is simulated again"
+    assert str(caught.value) == f"{tmp_path / 'a'}: {said}"
 
 
 def _sweep(place: Path) -> None:
@@ -159,10 +145,9 @@ def _bank(place: Path) -> None:
     simulate_bank(load_family("delayed-pd"), 2, trials=1, duration=30.0, jobs=1, folder=place / "out")
 
 
-@pytest.mark.parametrize(
-    ("run", "what", "parts"),
-    [(_sweep, "sweep", "points"), (_experiment, "experiment", "trials"), (_bank, "bank", "draws")],
-)
+@pytest.mark.parametrize(("run", "what", "parts"), [
+    (_sweep, "sweep", "points"), (_experiment, "experiment", "trials"), (_bank, "bank", "draws")
+])  # fmt: skip
 def test_sweeps_experiments_and_banks_are_taken_up_again_in_the_one_way(run, what, parts, tmp_path):
     run(tmp_path)
     out, spare = tmp_path / "out", tmp_path / "spare"
@@ -194,3 +179,4 @@ def test_sweeps_experiments_and_banks_are_taken_up_again_in_the_one_way(run, wha
     (out / parts).symlink_to(spare / parts)
     with pytest.raises(IcmjError, match="is a link, not a folder; choose another"):
         run(tmp_path)
+    assert {path.name for path in (spare / parts).iterdir()} == {path.name for path in written}
