@@ -23,13 +23,8 @@ from benchmarks import analysis, cycles, linear, live, noise, precision, rivals,
 from benchmarks.row import Row
 from icmj.cli.terminal import Column, Terminal, show_table
 
-MEASURED = (
-    Column("group"),
-    Column("measured"),
-    Column("value", "right"),
-    Column("bound", "right"),
-    Column("note", rank=1),
-)
+MEASURED = (*map(Column, ("group", "measured")), *(Column(name, "right") for name in ("value", "bound")))
+MEASURED += (Column("note", rank=1),)
 COMPARED = (Column("group"), Column("measured"), Column("A", "right"), Column("B", "right"), Column("B / A", "right"))
 
 
@@ -39,25 +34,14 @@ def _analysis() -> list[Row]:
     return [Row("analysis", name, 1e3 * seconds, "ms", note, bounds.get(name)) for name, seconds, note in found]
 
 
-GROUPS = {
-    "stepping": stepping.rows,
-    "precision": precision.rows,
-    "linear": linear.rows,
-    "noise": noise.rows,
-    "threads": threads.rows,
-    "startup": startup.rows,
-    "analysis": _analysis,
-    "cycles": cycles.rows,
-    "live": live.rows,
-    "rivals": rivals.rows,
-}
+MODULES = (stepping, precision, linear, noise, threads, startup, analysis, cycles, live, rivals)
+GROUPS = {module.__name__.rpartition(".")[2]: module.rows for module in MODULES} | {"analysis": _analysis}
 
 
 def main() -> int:
     """Run the command line; returns the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    how = {"prog": "python -m benchmarks", "description": __doc__}
+    parser = argparse.ArgumentParser(**how, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=list(GROUPS), action="append", help="measure this group only (repeatable)")
     parser.add_argument("--save", type=Path, metavar="FILE.json", help="keep the numbers")
     parser.add_argument("--compare", type=Path, nargs=2, metavar=("A.json", "B.json"), help="compare two saved results")

@@ -75,11 +75,9 @@ def _noisy() -> list[Row]:
         assert case.actual is not None
         loop = close_loop(case.actual, case.controller, case.settings)
         schedule = loop.schedule(case.settings, float(case.settings.timestep or loop.model.opt.timestep))
-        size = loop.block.act.stop - loop.block.act.start
+        a = np.zeros(loop.block.act.stop - loop.block.act.start)
         x = np.eye(1, loop.plant.linearisation.plant.n)[0] * 0.002
-        runs[name] = lambda loop=loop, x=x, size=size, schedule=schedule: loop.run(
-            loop.data(x, np.zeros(size)), schedule
-        )
+        runs[name] = lambda loop=loop, x=x, a=a, schedule=schedule: loop.run(loop.data(x, a), schedule)
     interleaved(runs, 1)
     times = interleaved(runs, MINUTES)
     ratio = median(a / b for a, b in zip(times["noisy"], times["quiet"], strict=True))

@@ -58,12 +58,7 @@ def rows() -> list[Row]:
     scipy = ScipyLoop(task)
     times, state = scipy.run(DURATION, "DOP853", 1e-12, 1e-15)
     exact = Exact(np.diff(times)[-LAST:], scipy.peak(state, "DOP853", 1e-12, 1e-15))
-    points = [
-        *_engine(task, exact),
-        *_python(task, exact),
-        *_scipy(scipy, exact),
-        *_naive(task, exact),
-    ]
+    points = [*_engine(task, exact), *_python(task, exact), *_scipy(scipy, exact), *_naive(task, exact)]
     table = []
     for target in (1e-6, 1e-8):
         best = {way: _best(points, way, target) for way in dict.fromkeys(p.way for p in points)}
@@ -135,13 +130,8 @@ def _scipy(loop: ScipyLoop, exact: Exact) -> Iterable[Point]:
                 times, state = loop.run(DURATION, method, rtol, atol)
                 peak = loop.peak(state, method, rtol, atol)
                 seconds = least(lambda: loop.run(DURATION, method, rtol, atol), REPEATS)  # noqa: B023 - called at once
-                yield Point(
-                    f"SciPy {method}",
-                    f"rtol {rtol:g}, atol {atol:g}",
-                    seconds,
-                    exact.interval_error(times),
-                    abs(peak - exact.peak),
-                )
+                setting, error = f"rtol {rtol:g}, atol {atol:g}", exact.interval_error(times)
+                yield Point(f"SciPy {method}", setting, seconds, error, abs(peak - exact.peak))
 
 
 def _naive(task: Task, exact: Exact) -> Iterable[Point]:

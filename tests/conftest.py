@@ -31,9 +31,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("icmj", "how long to look for faults, and how far")
     group.addoption("--kills", type=int, default=12, help="signals sent to runs and studies at random moments")
     group.addoption("--mutants", type=int, default=0, help="mutants of each kind; 0: for a fixed time")
-    group.addoption(
-        "--from-nothing", action="store_true", help="install the wheel with all it needs, run the whole study"
-    )
+    group.addoption("--from-nothing", action="store_true", help="install the wheel with all it needs; the whole study")
     group.addoption("--study", type=Path, default=None, help="folder of a study that icmj made; otherwise one is made")
     group.addoption("--all", action="store_true", help="run the long tests, too")
     group.addoption("--seed", type=int, default=None, help="of random faults; one is drawn and printed by default")

@@ -165,18 +165,9 @@ def made_up(
     run = parse_run(TEXT.format(model=model, q_t=q_t), "runs/made-up.toml")
     amplitude = np.abs(simulation.y[len(simulation.t) // 2 :]).max(axis=0)
     interval = float(simulation.events.interval[-1]) if len(simulation.events) else None
-    measured = Measurement(
-        *(
-            "cycle" if interval else "no events",
-            1,
-            False,
-            interval,
-            simulation.events.interval[-1:],
-            interval,
-            amplitude,
-        ),
-        *(1e-9, "It settled on a cycle."),
-    )
+    kind, intervals = "cycle" if interval else "no events", simulation.events.interval[-1:]
+    motion = (kind, 1, False, interval, intervals, interval, amplitude)
+    measured = Measurement(*motion, 1e-9, "It settled on a cycle.")
     result = Result(
         run,
         assumed,

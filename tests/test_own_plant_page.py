@@ -53,7 +53,6 @@ def test_a_rule_that_is_one_face_of_the_box_is_that_box(root):
         if language == "python":
             exec(compile(text, "own_plant.md", "exec"), known)
     box = icmj.BoxTrigger(np.array([1e9, 0.01]), "state")
-    run = icmj.simulate_plant(
-        known["actual"], known["by_rate"].triggered_by(box), icmj.Settings(duration=30), x0=[0.02, 0]
-    )
+    law = known["by_rate"].triggered_by(box)
+    run = icmj.simulate_plant(known["actual"], law, icmj.Settings(duration=30), x0=[0.02, 0])
     np.testing.assert_allclose(known["run"].events.t, run.events.t, atol=1e-9)

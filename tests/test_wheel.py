@@ -69,9 +69,8 @@ def test_nothing_is_missing_and_nothing_too_much(built):
     tracked = {name for name in listed.stdout.splitlines() if not name.startswith((".ci/", ".git"))}
     with tarfile.open(built[0]) as sdist:
         held = {name.partition("/")[2] for name in sdist.getnames()}
-    assert (
-        tracked - {f"icmj/shipped/{shelf}" for shelf in ("models", "runs", "sweeps", "experiments", "families")} <= held
-    )
+    shelves = ("models", "runs", "sweeps", "experiments", "families")
+    assert tracked - {f"icmj/shipped/{shelf}" for shelf in shelves} <= held
     data = {
         f"icmj/shipped/{name}"
         for name in tracked

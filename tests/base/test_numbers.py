@@ -9,18 +9,10 @@ NB = "\N{NO-BREAK SPACE}"
 
 
 @pytest.mark.parametrize(("value", "figures", "text"), [
-    (1.80654, 5, "1.8065"),
-    (0.75937857, 4, "0.7594"),
-    (-2.9382, 3, "−2.94"),
+    (1.80654, 5, "1.8065"), (0.75937857, 4, "0.7594"), (-2.9382, 3, "−2.94"), (0.0, 4, "0"), (9.99996, 5, "10.000"),
     (1234.5, 4, "1234" if f"{1234.5:.3e}" == "1.234e+03" else "1235"),
-    (0.0, 4, "0"),
-    (9.99996, 5, "10.000"),
-    (2.3e-7, 2, f"2.3{NB}×{NB}10⁻⁷"),
-    (-1.5e12, 2, f"−1.5{NB}×{NB}10¹²"),
-    (None, 4, "–"),
-    (np.nan, 4, "–"),
-    (np.inf, 4, "∞"),
-    (-np.inf, 4, "−∞"),
+    (2.3e-7, 2, f"2.3{NB}×{NB}10⁻⁷"), (-1.5e12, 2, f"−1.5{NB}×{NB}10¹²"),
+    (None, 4, "–"), (np.nan, 4, "–"), (np.inf, 4, "∞"), (-np.inf, 4, "−∞"),
 ])  # fmt: skip
 def test_number(value, figures, text):
     assert numbers.number(value, figures) == text
@@ -34,18 +26,16 @@ def test_number_reads_back_to_its_figures(value):
     assert float(head) * 10.0**exponent == pytest.approx(value, rel=5.1e-6)
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(0.01, "0.01"), (30.0, "30"), (1.0, "1"), (1e-4, f"1{NB}×{NB}10⁻⁴"), (-0.5, "−0.5"), (100.0, "100")],
-)
+@pytest.mark.parametrize(("value", "text"), [
+    (0.01, "0.01"), (30.0, "30"), (1.0, "1"), (1e-4, f"1{NB}×{NB}10⁻⁴"), (-0.5, "−0.5"), (100.0, "100"),
+])  # fmt: skip
 def test_short_has_no_closing_zeros(value, text):
     assert numbers.short(value) == text
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(2.34e-4, f"+2.3{NB}×{NB}10⁻⁴"), (-0.011, f"−1.1{NB}×{NB}10⁻²"), (3e-16, "< 10⁻¹⁴"), (None, "–"), (np.nan, "–")],
-)
+@pytest.mark.parametrize(("value", "text"), [
+    (2.34e-4, f"+2.3{NB}×{NB}10⁻⁴"), (-0.011, f"−1.1{NB}×{NB}10⁻²"), (3e-16, "< 10⁻¹⁴"), (None, "–"), (np.nan, "–"),
+])  # fmt: skip
 def test_error(value, text):
     assert numbers.error(value) == text
     assert numbers.error(value, signed=False) == text.lstrip("+−")
@@ -66,22 +56,16 @@ def test_marks_are_three_different_signs():
     assert [numbers.mark(value) for value in (True, False, None)] == ["✓", "✗", "–"]
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(True, "yes"), (0.1, "0.1"), ([1.0, 2.0], "[1, 2]"), ({"hinge": 0.02}, "hinge = 0.02"), ({}, "–")],
-)
+@pytest.mark.parametrize(("value", "text"), [
+    (True, "yes"), (0.1, "0.1"), ([1.0, 2.0], "[1, 2]"), ({"hinge": 0.02}, "hinge = 0.02"), ({}, "–"),
+])  # fmt: skip
 def test_setting(value, text):
     assert numbers.setting(value) == text
 
 
 @pytest.mark.parametrize(("value", "unit", "words"), [
-    (0.1, "rad", "0.1 rad (5.73°)"),
-    (-2.5, "N m", "−2.5 N m"),
-    (3.0, "", "3"),
-    (None, "s", "–"),
-    (float("nan"), "s", "–"),
-    (float("inf"), "m", "–"),
-    (-0.0, "", "0"),
+    (0.1, "rad", "0.1 rad (5.73°)"), (-2.5, "N m", "−2.5 N m"), (3.0, "", "3"), (-0.0, "", "0"),
+    (None, "s", "–"), (float("nan"), "s", "–"), (float("inf"), "m", "–"),
 ])  # fmt: skip
 def test_amounts_have_their_unit(value, unit, words):
     assert numbers.amount(value, unit) == words

@@ -124,9 +124,8 @@ def test_ports_of_other_names_take_the_place_of_the_assumed_ones_where_the_run_f
     named = 'model = "other.xml", gain = 0.9, inputs = ["muscle"], outputs = ["tilt"]'
     extra = """simulation = { duration = 2.0, initial = { lean = 0.01 } }
     study = { growth_points = 2, attractor_starts = 1 }"""
-    same, renamed = (
-        run_case(brought(tmp_path, "model.xml", actual, extra=extra), "linear") for actual in ("gain = 0.9", named)
-    )
+    both = ("gain = 0.9", named)
+    same, renamed = (run_case(brought(tmp_path, "model.xml", actual, extra=extra), "linear") for actual in both)
     assert renamed.actual.inputs == ("muscle",)
     np.testing.assert_array_equal(renamed.simulation.y, same.simulation.y)
     assert renamed.prediction.delta_crit == same.prediction.delta_crit
@@ -182,9 +181,8 @@ def test_a_plant_that_moves_by_itself_is_refused_unless_allowed(tmp_path):
     run = brought(tmp_path, "model.xml", more=', keyframe = "stand"')
     with pytest.raises(ModelError, match=r"run.toml: not at rest: lean accelerates by 0.516 rad/s²"):
         prepare(run)
-    allowed = brought(
-        tmp_path, "model.xml", more=', keyframe = "stand"', extra='analysis = { allow = ["not at rest"] }'
-    )
+    more = ', keyframe = "stand"'
+    allowed = brought(tmp_path, "model.xml", more=more, extra='analysis.allow = ["not at rest"]')
     assert [notice.kind for notice in prepare(allowed).notices] == ["not at rest"]
 
 

@@ -64,9 +64,8 @@ def test_any_actuator(tmp_path, actuator):
 
 
 def test_of_several_keyframes_one_at_rest_is_taken_and_the_others_are_named(tmp_path):
-    text = pendulum(MOTOR).replace(
-        '<key name="stand" qpos="0"/>', '<key name="leaning" qpos="0.3"/><key name="upright" qpos="0"/>'
-    )
+    two_keys = '<key name="leaning" qpos="0.3"/><key name="upright" qpos="0"/>'
+    text = pendulum(MOTOR).replace('<key name="stand" qpos="0"/>', two_keys)
     model = written(tmp_path, text)
     case = draft_run(model, tmp_path / "first.toml").case
     assert case is not None

@@ -16,9 +16,8 @@ def test_a_run_file_is_run_logged_read_and_reported(name, tmp_path, shell) -> No
         line += ["--set", "simulation.duration=5"]
         assert "fell" not in shell.says(line)
         result = icmj.read_log(tmp_path / f"{name}.{plant}.rrd")
-        case = icmj.prepare(
-            icmj.load_run(FOLDER / f"{name}.toml", allow_code=True).with_(**{"simulation.duration": 5.0})
-        )
+        run = icmj.load_run(FOLDER / f"{name}.toml", allow_code=True)
+        case = icmj.prepare(run.with_(**{"simulation.duration": 5.0}))
         again = icmj.simulate(case, plant)
         assert np.array_equal(result.simulation.x, again.x)
         assert np.array_equal(result.simulation.events.t, again.events.t)

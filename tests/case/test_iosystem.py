@@ -98,9 +98,8 @@ def test_a_loop_on_the_engine_is_the_simulated_one(root):
     start = np.zeros(12)
     start[0] = 0.1
     t = simulation.t
-    found = control.input_output_response(
-        loop, t, np.zeros((6, len(t))), start, solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-12}
-    )
+    exact = {"rtol": 1e-9, "atol": 1e-12}
+    found = control.input_output_response(loop, t, np.zeros((6, len(t))), start, solve_ivp_kwargs=exact)
     assert pytest.approx(simulation.y, abs=1e-7) == found.outputs[:3].T
     assert pytest.approx(simulation.u, abs=1e-4) == found.outputs[3:].T
 

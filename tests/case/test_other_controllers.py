@@ -176,9 +176,8 @@ def test_it_goes_from_run_file_to_log_and_is_read_bit_for_bit(run_path: Path, pl
     assert read_summary(log)["controller"]["delay"] == 0.2
     assert (back.prediction, back.continuous, back.measurement) == (None, None, None)
     count = len(result.simulation.events)
-    assert (
-        back.words == f"Under switching control the run {back.simulation.outcome.message}; it switched {count} times."
-    )
+    ended = back.simulation.outcome.message
+    assert back.words == f"Under switching control the run {ended}; it switched {count} times."
     with pytest.raises(AnalysisError, match="asai: a run under switching control has no prediction to be"):
         compare(back)
 
@@ -275,9 +274,7 @@ def test_a_case_of_any_controller_says_whether_it_has_a_prediction(root: Path, r
     assert expect_prediction(known, "a cycle") is known
     assert (other.prediction, other.system, other.rule) == (None, None, None)
     assert repr(other) == "<Case: asai, switching control, no prediction>"
-    with pytest.raises(
-        RunFileError, match=r"asai\.toml: a cycle needs an event rule, .* 'switching', which has no event"
-    ):
+    with pytest.raises(RunFileError, match=r"asai\.toml: a cycle needs an event rule, .* 'switching'"):
         expect_prediction(other, "a cycle")
 
 

@@ -180,9 +180,8 @@ def test_a_change_in_code_is_the_change_in_words(own: Path) -> None:
     plain = load_run(own, allow_code=True)
     in_words = prepare(plain.with_(**{"actual.change": [{"what": "mass", "factor": 2.0}], "actual.rho": 0.5}))
     in_code = prepare(plain.with_(**{"actual.edit": "rules:heavier", "actual.rho": 0.5}))
-    np.testing.assert_allclose(
-        in_code.actual.linearisation.plant.B_d, in_words.actual.linearisation.plant.B_d, rtol=1e-12, atol=1e-12
-    )
+    pushed = (of.actual.linearisation.plant.B_d for of in (in_code, in_words))
+    np.testing.assert_allclose(*pushed, rtol=1e-12, atol=1e-12)
     assert not np.allclose(in_code.actual.linearisation.plant.B_d, prepare(plain).actual.linearisation.plant.B_d)
 
 

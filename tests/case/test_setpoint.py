@@ -105,9 +105,7 @@ def test_too_fine_a_sequence_is_refused_and_a_fast_sine_is_reckoned_with(case):
     fine = {"output": "shank", "kind": "ternary", "size": 0.1, "interval": 1e-3}
     with pytest.raises(AnalysisError, match="1e\\+04 intervals in this run; expected at most 5000"):
         prepare(case.run.with_(setpoint=[fine], **{"simulation.duration": 10.0}))
-    slow, fast = (
-        {"output": "shank", "kind": "sines", "size": 1e-9, "frequencies": [frequency]} for frequency in (1.0, 1e9)
-    )
+    slow, fast = ({"output": "shank", "kind": "sines", "size": 1e-9, "frequencies": [f]} for f in (1.0, 1e9))
     seconds = [estimate(prepare(case.run.with_(setpoint=[table])), "linear") for table in (slow, fast)]
     assert seconds[0] < 60 < seconds[1]
 

@@ -242,9 +242,8 @@ def test_what_is_not_there_is_one_line_and_no_file(words, said, shell, elsewhere
 
 
 def test_what_is_in_the_way_is_a_note(shell, elsewhere):
-    (elsewhere / "loose.xml").write_text(
-        '<mujoco><worldbody><body><joint name="a"/><geom size="1"/></body></worldbody></mujoco>'
-    )
+    body = '<body><joint name="a"/><geom size="1"/></body>'
+    (elsewhere / "loose.xml").write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
     assert "note: it does not run as written; model" in shell.says(["new", "loose.xml"])
     assert (elsewhere / "loose.toml").exists()
 

@@ -229,9 +229,8 @@ def test_an_event_that_one_face_reaches_within_a_step_is_found() -> None:
     top = int(np.argmax((e[1:-1] > e[:-2]) & (e[1:-1] > e[2:]))) + 1
     for timestep in (0.0100, 0.0103, 0.0107, 0.0111, 0.0117, 0.0120):
         threshold = e[top] * (1 - 1e-5)
-        coarse = simulate_engine(
-            body, free, Settings(duration=fine.t[top] + 0.1, timestep=timestep, record_interval=1e-6), x0=swing
-        )
+        settings = Settings(duration=fine.t[top] + 0.1, timestep=timestep, record_interval=1e-6)
+        coarse = simulate_engine(body, free, settings, x0=swing)
         hidden += not (np.abs((coarse.x_h - coarse.x_o)[:, 0]) >= threshold).any()
         control = free.triggered_by(BoxTrigger([threshold, 1e3], "state"))
         run = simulate_engine(body, control, Settings(duration=fine.t[top] + 0.1, timestep=timestep), x0=swing)

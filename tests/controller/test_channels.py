@@ -53,9 +53,8 @@ def test_one_channel_is_the_one_joint_controller() -> None:
     law = SWITCHING
     channel = Channel("theta", "omega", float(law.P[0]), float(law.D[0]), slope=law.slope, dead_zone=law.dead_zone)
     settings = Settings(duration=20.0)
-    mine, known = (
-        simulate(BODY, each, settings, x0=[0.01, 0.0]) for each in (SwitchingChannels(BODY, (channel,), law.delay), law)
-    )
+    laws = (SwitchingChannels(BODY, (channel,), law.delay), law)
+    mine, known = (simulate(BODY, each, settings, x0=[0.01, 0.0]) for each in laws)
     np.testing.assert_array_equal(mine.x, known.x)
     assert mine.modes == known.modes == ("on", "off")
 

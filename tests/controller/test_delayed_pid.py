@@ -71,9 +71,8 @@ def test_the_frequency_response_turns_as_often_as_roots_are_unstable(law: Delaye
 
 
 def test_the_printed_case_stands_with_a_slow_root_of_the_force_feedback() -> None:
-    roots, without = (
-        rightmost_roots(delay_loop(BODY, law), 3) for law in (PRINTED, replace(PRINTED, force="", force_gain=0.0))
-    )
+    laws = PRINTED, replace(PRINTED, force="", force_gain=0.0)
+    roots, without = (rightmost_roots(delay_loop(BODY, law), 3) for law in laws)
     # force feedback adds one slow real root
     assert roots[0].imag == 0
     assert roots[0].real < 0

@@ -50,9 +50,7 @@ def test_a_ternary_sequence_is_one_of_full_length() -> None:
 def test_the_assumed_plant_rests_in_its_steady_states(seed) -> None:
     random = np.random.default_rng(seed)
     n, n_u = int(random.integers(2, 7)), int(random.integers(1, 4))
-    plant = LinearPlant(
-        random.standard_normal((n, n)), random.standard_normal((n, n_u)), random.standard_normal((n_u, n))
-    )
+    plant = LinearPlant(*(random.standard_normal(shape) for shape in ((n, n), (n, n_u), (n_u, n))))
     targets = [Target({name: 1.0}, step(1.0)) for name in plant.outputs]
     found = setpoint(plant, targets)
     scale = 1e-9 * (1 + np.abs(found.x_ss).max() + np.abs(found.u_ss).max())

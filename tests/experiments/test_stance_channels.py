@@ -18,9 +18,8 @@ LINES = np.arange(1, 60) / 60.5
 def test_a_fit_returns_the_numbers_put_in(seed):
     random = np.random.default_rng(seed)
     P = random.uniform(0.6, 1.2) * BODY.toppling
-    put = replace(
-        BODY, P=P, D=random.uniform(0.3, 0.6) * P, delay=random.uniform(0.08, 0.22), weight=random.uniform(0.2, 1)
-    )
+    draw = random.uniform
+    put = replace(BODY, P=P, D=draw(0.3, 0.6) * P, delay=draw(0.08, 0.22), weight=draw(0.2, 1))
     found = fit_channels(BODY, LINES, put.response(LINES), np.zeros(len(LINES)))
     for name in ("P", "D", "delay", "weight"):
         assert getattr(found, name) == pytest.approx(getattr(put, name), rel=1e-5)

@@ -1,7 +1,6 @@
 """Model errors are found again from the motions that they make: blind, on many motions, with intervals that cover."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -107,9 +106,7 @@ def test_a_wrong_unknown_and_a_wrong_record_are_errors() -> None:
 
 
 @pytest.mark.slow
-def test_on_the_command_line_from_a_log_times_and_outputs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], shell
-) -> None:
+def test_on_the_command_line_from_a_log_times_and_outputs(tmp_path, capsys, shell):
     run = PENDULUM.with_(**{"actual.gain": 0.9, "study.attractor_starts": 0, "study.growth_points": 0})
     result = icmj.run_case(run, "linear")
     log, times, samples = tmp_path / "a.rrd", tmp_path / "times.csv", tmp_path / "angle.csv"

@@ -65,9 +65,8 @@ def test_the_usual_arrangement_has_all_that_was_asked_for(tmp_path: Path) -> Non
     kinds = [kind for kind, _ in views.values()]
     assert kinds.count("3D") == kinds.count("TextDocument") == 1
     origins = {origin.strip("/") for kind, origin in views.values() if kind == "TimeSeries"}
-    assert origins == {
-        *("outputs", "inputs", "states/hold", "states/observer", "states/plant", "trigger", "interval", "modes")
-    }
+    signals = ("outputs", "inputs", "states/hold", "states/observer", "states/plant")
+    assert origins == {"trigger", "interval", "modes", *signals}
 
 
 def test_there_is_no_view_of_a_body_that_is_not_there(tmp_path: Path) -> None:

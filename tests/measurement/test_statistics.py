@@ -136,9 +136,8 @@ def test_a_run_that_fell_or_hardly_began_has_none() -> None:
     run = hand_made(np.full(50, 0.4), 0.3)
     assert statistics(Simulation(**{**vars(run), "outcome": Outcome("fell", 1.0, "fell")})) is None
     assert statistics(hand_made(np.full(1, 0.1), 0.0)) is None
-    alone = statistics(
-        Simulation(**{**vars(run), "control": "continuous", "events": hand_made(np.full(1, 20.0), 0.0).events})
-    )
+    events = hand_made(np.full(1, 20.0), 0.0).events
+    alone = statistics(Simulation(**{**vars(run), "control": "continuous", "events": events}))
     assert alone is not None
     assert alone.interval is None
     assert alone.binding is None

@@ -114,9 +114,8 @@ def test_crossings_do_not_depend_on_the_states_chosen():
         actual, assumed, design = system.actual, system.design.plant, system.design
         S = np.linalg.qr(rng.normal(size=(actual.n, actual.n)))[0] * 2 ** rng.uniform(-2, 2, actual.n)
         R = np.linalg.qr(rng.normal(size=(assumed.n, assumed.n)))[0] * 2 ** rng.uniform(-2, 2, assumed.n)
-        moved = error_system(
-            _changed(actual, S), Design(_changed(assumed, R), design.k @ R, np.linalg.solve(R, design.L))
-        )
+        other = Design(_changed(assumed, R), design.k @ R, np.linalg.solve(R, design.L))
+        moved = error_system(_changed(actual, S), other)
         np.testing.assert_allclose(found(moved), found(system), rtol=1e-6, atol=1e-8)
 
 

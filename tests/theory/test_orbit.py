@@ -165,9 +165,8 @@ def test_an_event_function_that_touches_zero_between_samples_is_an_earlier_event
 
     def excess(angle):
         w = np.array([np.cos(angle), np.sin(angle)])
-        hump = minimize_scalar(
-            lambda tau: -ratio(tau, w), bounds=(0.3 * delta, 0.8 * delta), method="bounded", options={"xatol": 1e-10}
-        )
+        how = {"bounds": (0.3 * delta, 0.8 * delta), "method": "bounded", "options": {"xatol": 1e-10}}
+        hump = minimize_scalar(lambda tau: -ratio(tau, w), **how)
         return -hump.fun - 1
 
     touch = brentq(excess, low, high, xtol=1e-15)
