@@ -48,14 +48,6 @@ def test_eigenvalue(value, text):
     assert numbers.eigenvalue(value) == text
 
 
-def test_each_pair_of_poles_once():
-    assert numbers.poles([2 + 0j, -5.198 + 28.288j, -5.198 - 28.288j]) == "2.000, −5.198 ± 28.29j"
-
-
-def test_marks_are_three_different_signs():
-    assert [numbers.mark(value) for value in (True, False, None)] == ["✓", "✗", "–"]
-
-
 @pytest.mark.parametrize(("value", "text"), [
     (True, "yes"), (0.1, "0.1"), ([1.0, 2.0], "[1, 2]"), ({"hinge": 0.02}, "hinge = 0.02"), ({}, "–"),
 ])  # fmt: skip
@@ -79,7 +71,9 @@ def test_several_amounts_have_their_names_and_do_not_break():
     assert numbers.amounts(None, (), ()) == "–"
 
 
-def test_roots_errors_and_counts():
+def test_poles_marks_roots_errors_and_counts():
+    assert numbers.poles([2 + 0j, -5.198 + 28.288j, -5.198 - 28.288j]) == "2.000, −5.198 ± 28.29j"
+    assert [numbers.mark(value) for value in (True, False, None)] == ["✓", "✗", "–"]
     assert [numbers.root(v) for v in (1 + 0j, -1 + 1e-15j, 0.5 - 0.25j)] == ["1", "−1", "0.5 − 0.25j"]
     assert numbers.pairs([-1.5 + 2j, -1.5 - 2j, -3.0 + 0j]) == "−1.5 ± 2j, −3"
     assert [numbers.relative(v) for v in (-2.3e-4, None, float("nan"))] == ["−2.3e−04", "–", "–"]

@@ -1,6 +1,7 @@
 """Holds, triggers and event weights: what is accepted and what is refused."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -47,6 +48,13 @@ def test_event_weight_that_does_not_fit_is_refused():
         as_weight("states", DESIGN)
 
 
+def test_a_clock_needs_a_positive_interval_and_a_singular_event_weight_is_fine_and_is_made_symmetric():
+    with pytest.raises(AnalysisError, match="positive"):
+        ClockTrigger(0.0)
+    trigger = EventTrigger([[1, 1e-16], [0, 0]], 0.1)
+    np.testing.assert_array_equal(trigger.Q_t, trigger.Q_t.T)
+
+
 @pytest.mark.parametrize(("Q_t", "q_t", "delta_min", "word"), [
     ([[1, 0], [0, -1]], 0.1, 0.0, "semidefinite"),
     ([[1, 0]], 0.1, 0.0, "square"),
@@ -59,23 +67,12 @@ def test_triggers_that_cannot_be_are_refused(Q_t, q_t, delta_min, word):
         EventTrigger(Q_t, q_t, delta_min)
 
 
-def test_a_singular_event_weight_is_fine_and_is_made_symmetric():
-    trigger = EventTrigger([[1, 1e-16], [0, 0]], 0.1)
-    np.testing.assert_array_equal(trigger.Q_t, trigger.Q_t.T)
-
-
-def test_clock_needs_a_positive_interval():
-    with pytest.raises(AnalysisError, match="positive"):
-        ClockTrigger(0.0)
-
-
 @pytest.mark.parametrize(("part", "words"), [
     ("trigger", "trigger is a float; expected a Trigger"), ("hold", "hold is a float; expected a Hold"),
     ("delay", "delay is a float; expected a Delay"), ("design", "design is a float; expected a Design"),
 ])  # fmt: skip
 def test_each_part_is_of_its_kind(part, words):
-    gains = design_lq(LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]]))
-    parts = {"design": gains, "hold": system_matched(gains), "trigger": ClockTrigger(0.3), "delay": Delay(0.0)}
+    parts = {"design": DESIGN, "hold": system_matched(DESIGN), "trigger": ClockTrigger(0.3), "delay": Delay(0.0)}
     Controller(**parts)
     with pytest.raises(AnalysisError, match=words):
         Controller(**{**parts, part: 0.3})
@@ -84,10 +81,8 @@ def test_each_part_is_of_its_kind(part, words):
 @pytest.mark.parametrize("A_h", [np.zeros((3, 3)), [[0.0]]])
 def test_a_hold_of_another_size_is_refused_where_it_is_given(A_h):
     hold = Hold("own", A_h)
-    for use in (
-        lambda: Controller(DESIGN, hold, ClockTrigger(0.1)),
-        lambda: error_system(DESIGN.plant, DESIGN, hold),
-    ):
+    law = partial(Controller, DESIGN, hold, ClockTrigger(0.1))
+    for use in (law, partial(error_system, DESIGN.plant, DESIGN, hold)):
         with pytest.raises(AnalysisError, match=r"A_h has shape \(\d, \d\); the controller's model has 2 states"):
             use()
     for wrong, words in (([[0, 1]], "square"), ([[1j]], "A_h is complex"), ([[1, 2], [3]], "A_h is not a matrix")):
