@@ -7,8 +7,7 @@ import numba
 import numpy as np
 from scipy.linalg import expm
 
-from icmj.controller.controller import Controller
-from icmj.plant.linear_plant import LinearPlant
+from icmj import Controller, LinearPlant
 
 
 @numba.njit(nogil=True)

@@ -10,10 +10,8 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.euler_maruyama import EulerMaruyama
 from benchmarks.row import Row, interleaved, median
-from icmj.case.case import Case, prepare
-from icmj.experiments.many import simulate_many
+from icmj import Case, load_run, prepare, simulate_many
 from icmj.linear.simulator import Simulator
-from icmj.runfile.reading import load_run
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
 from icmj.simulation.settings import Gaussian, start_states
 

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from benchmarks.row import Row, interleaved, median
-from icmj.case.case import prepare, simulate
-from icmj.runfile.reading import load_run
+from icmj import load_run, prepare, simulate
 
 RUNS = Path(__file__).resolve().parent.parent / "runs" / "rivals"
 GROUP = "rivals"

@@ -6,12 +6,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from icmj.controller.controller import Controller
-from icmj.controller.design import Design, design_lq, system_matched, zero_order
+from icmj import Controller, Design, LinearPlant, Settings, design_lq, system_matched, zero_order
 from icmj.controller.trigger import Continuous, EventTrigger, as_weight
-from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.setpoint_tables import SimulationTable
-from icmj.simulation.settings import Settings
 
 PENDULUM = LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]], ("hinge", "hinge_rate"), ("torque",), ("angle",))
 

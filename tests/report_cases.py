@@ -10,17 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
+from icmj import Controller, Design, design_lq, error_system, measure, parse_run, predict, system_matched
 from icmj.case.result import AmplitudeLaw, Growth, Result
-from icmj.controller.controller import Controller
-from icmj.controller.design import Design, design_lq, system_matched
 from icmj.controller.trigger import Continuous, EventTrigger, output_weight
 from icmj.linear.run import simulate
-from icmj.measurement.measurement import measure
 from icmj.plant.linear_plant import LinearPlant, transformation
-from icmj.runfile.reading import parse_run
 from icmj.simulation.simulation import Pressure
-from icmj.theory.error_system import error_system
-from icmj.theory.prediction import predict
 
 MODELS = Path(__file__).parents[1] / "models"
 NAMES = {"states": ("hinge", "hinge_rate"), "inputs": ("torque",), "outputs": ("angle",), "output_units": ("rad",)}

@@ -21,8 +21,7 @@ import pytest
 from scipy import stats
 
 import icmj
-from icmj.case.case import Case
-from icmj.case.result import Result
+from icmj import Case, Result
 from icmj.cli.arguments import GROUPS as COMMANDS
 from icmj.cycle.branch import Branch
 

@@ -7,17 +7,12 @@ from linear_cases import loop_matrix
 from scipy.linalg import block_diag, expm
 from scipy.optimize import brentq, linear_sum_assignment
 
-from icmj.controller.controller import Controller
+from icmj import Continuous, Controller, LinearPlant, Prediction, Settings, Simulation
 from icmj.controller.design import Design, design_lq, system_matched
-from icmj.controller.trigger import Continuous
 from icmj.errors import DesignError
 from icmj.linear.run import simulate
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
-from icmj.simulation.simulation import Simulation
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.orbit import jacobian
-from icmj.theory.prediction import Prediction
 
 Level = Callable[[np.ndarray], complex]
 

@@ -5,9 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from icmj.case.case import prepare, simulate
-from icmj.errors import IcmjError
-from icmj.runfile.reading import parse_run
+from icmj import IcmjError, parse_run, prepare, simulate
 
 FOLDERS = {"gymnasium": "envs/mujoco/assets", "dm_control": "suite"}
 GIVEN = ', operating_point = "as given"'

@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 from model_cases import MOTOR, pendulum, two, written
 
-from icmj.case.case import prepare, simulate
-from icmj.controller.trigger import ClockTrigger, Continuous
+from icmj import ClockTrigger, Continuous, build_report, load_run, parse_run, prepare, run_case, simulate
 from icmj.errors import DesignError, ModelError, RunFileError
-from icmj.report.builder import build_report
-from icmj.runfile.reading import load_run, parse_run
-from icmj.study.study import run_case
 
 NOTES = {  # Δ_crit [s], eigenvalue, cycle predicted (notes, sections 2, 4 and 5)
     "simple-0.8": (1.807, 1, True),

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 from tapped_cases import PERSON
 
-from icmj.case.case import prepare, simulate
-from icmj.errors import IcmjError
-from icmj.log.reader import read_log
-from icmj.log.writer import write_log
-from icmj.runfile.reading import load_run
-from icmj.runfile.schema import RunFile
-from icmj.study.study import run_case
+from icmj import IcmjError, RunFile, load_run, prepare, read_log, run_case, simulate, write_log
 
 HEAD = """
 case = { name = "asai", title = "Feedback of one joint" }

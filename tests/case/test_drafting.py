@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from model_cases import MOTOR, MUSCLE, SERVO, pendulum, two, written
 
-from icmj.case.case import prepare, simulate
+from icmj import load_run, prepare, simulate
 from icmj.case.drafting import case_name, draft_run
 from icmj.engine.plant import inventory
 from icmj.errors import ModelError
-from icmj.runfile.reading import load_run
 
 SHIPPED = ("pendulum", "pendulum_neglected", "three_link", "three_link_floor")
 FOREIGN = (("gymnasium", "envs/mujoco/assets/inverted_pendulum.xml"), ("dm_control", "suite/cartpole.xml"))

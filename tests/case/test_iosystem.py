@@ -9,12 +9,9 @@ import pytest
 from report_cases import actual_plant, design_of
 
 import icmj
-from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, system_matched
+from icmj import Controller, Delay, Settings, Step, error_system, system_matched
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
 from icmj.errors import AnalysisError
-from icmj.simulation.settings import Settings, Step
-from icmj.theory.error_system import error_system
 
 X0 = [0.02, 0.0]
 PUSH = 0.003

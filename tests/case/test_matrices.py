@@ -8,13 +8,10 @@ import numpy as np
 import pytest
 from model_cases import two
 
-from icmj.case.case import prepare, simulate
+from icmj import load_plant, load_run, measure, parse_run, prepare, simulate
 from icmj.case.plants import read_matrices
 from icmj.cli.main import main
-from icmj.engine.plant import load_plant
 from icmj.errors import IcmjError, RunFileError, SimulationError
-from icmj.measurement.measurement import measure
-from icmj.runfile.reading import load_run, parse_run
 
 TEXT = """
 [case]

@@ -9,17 +9,13 @@ import numpy as np
 import pytest
 from terminal_cases import told
 
+from icmj import build_live, compare, load_run, parse_run, run_case, write_log
 from icmj.case.case import expect_prediction, prepare, simulate
-from icmj.case.comparison import compare
 from icmj.cli.main import main
 from icmj.controller.controller import RecordedLaw
 from icmj.errors import AnalysisError, IcmjError, ReportError, RunFileError
 from icmj.log.archive import pack, unpack
 from icmj.log.reader import read_log, read_summary
-from icmj.log.writer import write_log
-from icmj.report.live import build_live
-from icmj.runfile.reading import load_run, parse_run
-from icmj.study.study import run_case
 
 PERSON = """
 <mujoco model="person">

@@ -7,15 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from icmj.case.case import prepare, simulate
+from icmj import Sinusoids, load_run, prepare, run_case, simulate, write_log
 from icmj.cli.main import main
 from icmj.controller.trigger import EventTrigger, RecordedRule
 from icmj.errors import ModelError, RunFileError
 from icmj.log.reader import read_log, read_summary
-from icmj.log.writer import write_log
-from icmj.runfile.reading import load_run
-from icmj.simulation.settings import Sinusoids
-from icmj.study.study import run_case
 from icmj.work.own_code import RUNS, Code, digest_of, reference_of
 
 RULES = '''

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.case.case import prepare, simulate
+from icmj import load_run, prepare, simulate
 from icmj.errors import RunFileError
 from icmj.log.writer import groups
-from icmj.runfile.reading import load_run
 
 TRUNK = {"kind": "impulse", "body": "trunk", "force": [0.02, 0.0, 0.0], "point": [0.0, 0.0, 0.3], "start": 0.4}
 PUSHES = [

@@ -10,24 +10,21 @@ import numpy as np
 import pytest
 
 import icmj
+from icmj import Simulation, load_run, read_log, run_case
 from icmj.case.case import revise
 from icmj.case.plants import linear_plant
 from icmj.controller import Channel
 from icmj.cycle.curve import Family, parameter
 from icmj.errors import CycleError, IcmjError, RunFileError
 from icmj.experiments import attractors, measure_growth, measure_law, rounds
-from icmj.log.reader import read_log
 from icmj.runfile.experiment_tables import ExperimentFile
-from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile, overridden
 from icmj.runfile.sweep_tables import SweepFile
 from icmj.simulation.settings import reseeded
-from icmj.simulation.simulation import Simulation
 from icmj.study.chunk import compute
 from icmj.study.experiment import Condition, trial
 from icmj.study.kind import DoubleStepKind, QuietStandingKind
 from icmj.study.plan import Plan
-from icmj.study.study import run_case
 from icmj.study.sweep import try_plan
 
 Plant = Literal["linear", "mujoco"]

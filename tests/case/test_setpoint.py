@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.case.case import prepare, simulate
+from icmj import compose_run, load_run, prepare, simulate
 from icmj.cli.main import main
 from icmj.engine.pose import scene
 from icmj.errors import AnalysisError, CycleError, LogError, RunFileError
 from icmj.log.archive import pack, unpack
 from icmj.log.writer import groups
-from icmj.runfile.reading import compose_run, load_run
 from icmj.study.estimate import estimate
 
 SHORT = {"simulation.duration": 2.0, "study.growth_points": 0, "study.law_q_t": [], "study.attractor_starts": 0}

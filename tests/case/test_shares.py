@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.case.case import prepare, simulate
-from icmj.errors import IcmjError
-from icmj.runfile.reading import load_run
+from icmj import IcmjError, load_run, prepare, simulate
 from icmj.simulation.settings import Gaussian, at_times
 
 MOTOR = {"kind": "gaussian", "input": "ankle_torque", "share": 0.3, "corner": 2.0, "seed": 3}

@@ -5,9 +5,8 @@ import pytest
 from report_cases import result, swaying
 from terminal_cases import told
 
+from icmj import read_series, write_log
 from icmj.cli.main import main
-from icmj.log.writer import write_log
-from icmj.series.reading import read_series
 
 
 @pytest.fixture(scope="module")

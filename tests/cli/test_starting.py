@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from terminal_cases import told
 
-from icmj.case.case import prepare
+from icmj import load_family, load_run, prepare, read_sweep
 from icmj.case.drafting import table_of
 from icmj.cli import files
 from icmj.cli.arguments import Fit
@@ -16,11 +16,8 @@ from icmj.cli.files import people_of
 from icmj.cli.main import main
 from icmj.cli.terminal import Terminal
 from icmj.fitting.bank import simulate_bank
-from icmj.fitting.family import load_family
 from icmj.runfile.experiment_tables import ExperimentFile, load_experiment
-from icmj.runfile.reading import load_run
 from icmj.runfile.sweep_tables import FamilyFile, SweepFile, docstrings, load_family_file, load_sweep
-from icmj.study.sweep import read_sweep
 from icmj.work.own_code import EXPERIMENTS, FAMILIES, RUNS, SWEEPS
 
 

@@ -11,16 +11,11 @@ from scipy.optimize import brentq
 from theory_cases import assert_multipliers_agree, random_systems, shipped, started_beside
 
 import icmj
-from icmj.controller.controller import Controller
-from icmj.controller.design import Design, system_matched
-from icmj.controller.trigger import EventTrigger
+from icmj import Controller, Design, EventTrigger, LinearPlant, Settings, predict, system_matched
 from icmj.engine.run import simulate as simulate_engine
 from icmj.errors import AnalysisError, RunFileError
 from icmj.linear.run import simulate as simulate_linear
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
 from icmj.theory.error_system import ErrorSystem
-from icmj.theory.prediction import predict
 
 BoxTrigger = icmj.BoxTrigger
 

@@ -7,11 +7,10 @@ import pytest
 from oracles.delay import of_law
 from tapped_cases import BODY, SWITCHING
 
+from icmj import LinearPlant, Settings
 from icmj.controller.delayed import Channel, SwitchingChannels
 from icmj.errors import AnalysisError
 from icmj.linear.run import simulate
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
 
 # two links on each other, coupled, both falling
 STIFF = np.array([[2.2, -0.8], [-0.9, 3.1]])

@@ -7,12 +7,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, Design, Hold, design_lq, system_matched, zero_order
+from icmj import Controller, Delay, Design, Hold, LinearPlant, design_lq, error_system, system_matched, zero_order
 from icmj.controller.trigger import ClockTrigger, EventTrigger, as_weight
 from icmj.errors import AnalysisError, DesignError
-from icmj.plant.linear_plant import LinearPlant
-from icmj.theory.error_system import error_system
 
 DESIGN = design_lq(LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]]), R_c=0.1, R_o=0.01)
 

@@ -18,17 +18,14 @@ from theory_cases import (
 )
 from theory_cases import pendulum_design as paper_design
 
+from icmj import ClockTrigger, Continuous, EventTrigger, Settings, error_system, output_weight, predict
 from icmj.controller.controller import Controller, continuous_limit, layout_of, realise, start_state
 from icmj.controller.design import Delay, predictor, system_matched, zero_order
-from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
 from icmj.engine.run import simulate as simulate_engine
 from icmj.errors import AnalysisError, SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.measurement.measurement import measure, measured_gamma
-from icmj.simulation.settings import Settings
-from icmj.theory.error_system import error_system
 from icmj.theory.orbit import clocked_map, is_stable
-from icmj.theory.prediction import predict
 
 # --- the predictor ---------------------------------------------------------------------------------------------------
 

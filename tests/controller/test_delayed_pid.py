@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from oracles.delay import of_law
 
-from icmj.controller.delayed import DelayedPID
+from icmj import DelayedPID, LinearPlant, Settings
 from icmj.errors import AnalysisError
 from icmj.linear.run import simulate
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
 from icmj.theory.delay_roots import delay_loop, rightmost_roots
 
 # Pasma et al. (2017), Front Comput Neurosci 11:99, table 1

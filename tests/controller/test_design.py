@@ -6,9 +6,8 @@ import control
 import numpy as np
 import pytest
 
-from icmj.controller.design import Design, design_lq
+from icmj import Design, LinearPlant, design_lq
 from icmj.errors import DesignError
-from icmj.plant.linear_plant import LinearPlant
 
 PENDULUM = LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]])
 

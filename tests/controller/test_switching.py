@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from icmj.controller.delayed import SwitchingPD
+from icmj import LinearPlant, SwitchingPD
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
 
 BODY = LinearPlant(
     np.array([[0.0, 1.0], [2.0, -0.07]]), np.array([0.0, 1 / 60]), np.eye(2), ("lean", "lean_rate"), ("ankle",),

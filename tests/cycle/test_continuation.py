@@ -7,13 +7,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
 
 import icmj
+from icmj import branch_off, follow, load_run
 from icmj.cycle.branch import Branch, SpecialPoint
-from icmj.cycle.continuation import branch_off, follow
 from icmj.cycle.curve import Family, parameter
 from icmj.cycle.cycle import Guess, find_cycle
 from icmj.cycle.return_map import jacobian
 from icmj.errors import CycleError, RunFileError
-from icmj.runfile.reading import load_run
 
 
 def the(of: Branch, kind: str) -> SpecialPoint:

@@ -8,15 +8,10 @@ import pytest
 from cycle_cases import case, return_map
 from model_cases import RICH, written
 
-from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq, system_matched
-from icmj.controller.trigger import EventTrigger
+from icmj import Controller, EventTrigger, LinearPlant, Settings, design_lq, load_plant, system_matched
 from icmj.cycle.cycle import from_prediction
 from icmj.cycle.return_map import ReturnMap, course, derivative, fast_jacobian, jacobian
-from icmj.engine.plant import load_plant
 from icmj.errors import CycleError
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
 
 
 @pytest.mark.parametrize(("name", "q_t", "plant"), [

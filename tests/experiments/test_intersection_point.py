@@ -8,11 +8,10 @@ import pytest
 from scipy.linalg import solve_continuous_are
 
 import icmj
+from icmj import Noise, Series
 from icmj.engine.reaction import ground_force, reaction
 from icmj.errors import AnalysisError, DataError, ModelError
-from icmj.series.series import Series
 from icmj.simulation.disturbance import terms_of
-from icmj.simulation.settings import Noise
 from icmj.study.stance import _density
 
 G = 9.81

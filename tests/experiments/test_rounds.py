@@ -7,14 +7,10 @@ import numpy as np
 import pytest
 from terminal_cases import told
 
-from icmj.case.case import prepare, simulate_plant
+from icmj import LinearPlant, Settings, load_run, prepare, run_case, simulate_plant
 from icmj.controller.delayed import SwitchingPD, slope_of
 from icmj.errors import AnalysisError
 from icmj.experiments.attraction import attraction, rounds, rounds_of
-from icmj.plant.linear_plant import LinearPlant
-from icmj.runfile.reading import load_run
-from icmj.simulation.settings import Settings
-from icmj.study.study import run_case
 
 MGH, INERTIA = 60 * 9.81, 60.0
 A = np.array([[0, 1], [0.2 * MGH / INERTIA, -4 / INERTIA]])

@@ -15,10 +15,9 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from terminal_cases import told
 
+from icmj import RunFile, parse_run
 from icmj.cli.main import main
 from icmj.errors import RunFileError
-from icmj.runfile.reading import parse_run
-from icmj.runfile.schema import RunFile
 
 SECONDS = 5.0  # of each kind
 

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
+from icmj import measure_sway, read_series, write_series
 from icmj.cli.arguments import Fit
 from icmj.cli.files import people_of
 from icmj.errors import FitError
 from icmj.fitting.recordings import MOST, SUMMARIES, measures, public_trials, read_trials, summarise
-from icmj.measurement.sway import measure_sway
-from icmj.series.reading import read_series, write_series
 from icmj.series.series import Series, even_series
 
 

@@ -7,9 +7,7 @@ import pytest
 from log_cases import made_up, standing, with_scene
 from rerun.chunk import RrdReader
 
-from icmj.case.result import Result
-from icmj.controller.trigger import Continuous
-from icmj.log.writer import write_log
+from icmj import Continuous, Result, write_log
 
 
 def arranged(path: Path) -> dict[str, tuple[str, str]]:
@@ -69,11 +67,6 @@ def test_the_usual_arrangement_has_all_that_was_asked_for(tmp_path: Path) -> Non
     assert origins == {"trigger", "interval", "modes", *signals}
 
 
-def test_there_is_no_view_of_a_body_that_is_not_there(tmp_path: Path) -> None:
-    write_log(variants()["without figures"], tmp_path / "x.rrd")
-    assert "3D" not in {kind for kind, _ in arranged(tmp_path / "x.rrd").values()}
-
-
 def test_a_run_alone_has_body_signals_phase_plane_and_intervals(tmp_path: Path) -> None:
     """What the study adds is in the archive: the viewer shows of it the signals under continuous control only."""
     for name in ("with figures", "alone"):
@@ -85,8 +78,10 @@ def test_a_run_alone_has_body_signals_phase_plane_and_intervals(tmp_path: Path) 
     assert more == {"/outputs/continuous", "/inputs/continuous"}
 
 
-def test_views_name_the_unit_of_what_they_show(tmp_path: Path) -> None:
+def test_views_name_the_unit_of_what_they_show_and_there_is_none_of_a_body_that_is_not_there(tmp_path: Path) -> None:
     usual = variants()["without figures"]
+    write_log(usual, tmp_path / "x.rrd")
+    assert "3D" not in {kind for kind, _ in arranged(tmp_path / "x.rrd").values()}
     for units, words in ((("m",), "Outputs y [m]"), ((), "Outputs y")):
         shown = replace(usual, actual=replace(usual.actual, output_units=units))
         write_log(shown, tmp_path / "x.rrd")

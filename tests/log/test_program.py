@@ -8,10 +8,9 @@ import pytest
 from log_cases import made_up
 from patience import PATIENCE
 
+from icmj import read_log, write_log
 from icmj.errors import LogError
 from icmj.log import reader
-from icmj.log.reader import read_log
-from icmj.log.writer import write_log
 
 resource = pytest.importorskip("resource")
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems take no such limits")

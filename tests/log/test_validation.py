@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from log_cases import awkward, made_up, standing
 
-from icmj.case.result import Result
+from icmj import Result, parse_run, run_case
 from icmj.errors import IcmjError, LogError
 from icmj.log.archive import pack, unpack, validate
-from icmj.runfile.reading import parse_run
-from icmj.study.study import run_case
 
 Change = Callable[[Result], Result]
 

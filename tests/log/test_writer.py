@@ -13,21 +13,14 @@ import rerun as rr
 from log_cases import MODELS, assert_same, made_up, with_scene
 from rerun.chunk import RrdReader
 
+from icmj import ClockTrigger, Continuous, Result, Settings, error_system, load_plant, measure, predict, write_log
 from icmj.base.files import whole
 from icmj.case.comparison import Comparison, compare
-from icmj.case.result import Result
-from icmj.controller.trigger import ClockTrigger, Continuous
-from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
 from icmj.errors import LogError
 from icmj.log.figure import eye
 from icmj.log.reader import read_log, read_summary
-from icmj.log.writer import write_log
-from icmj.measurement.measurement import measure
-from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import FRAME, Events, Geom
-from icmj.theory.error_system import error_system
-from icmj.theory.prediction import predict
 
 
 @pytest.fixture(scope="module")

@@ -5,12 +5,11 @@ import pytest
 from linear_cases import PENDULUM, event_controller, pendulum_design, settings
 from scipy.signal import lfilter, welch
 
+from icmj import Noise, measure
 from icmj.linear.run import simulate
-from icmj.measurement.measurement import measure
 from icmj.measurement.statistics import Estimate, Statistics, deviation, mean, spectrum, statistics
 from icmj.series.series import evenly
 from icmj.simulation.ending import Outcome
-from icmj.simulation.settings import Noise
 from icmj.simulation.simulation import Events, Simulation
 
 PHI = 0.9

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from icmj import Series, read_series
 from icmj.errors import DataError
 from icmj.measurement.sway import frequencies, from_torque, measure_sway
-from icmj.series.reading import read_series
-from icmj.series.series import Series
 
 RATE = 100.0
 T = np.arange(6000) / RATE

@@ -6,17 +6,12 @@ import numpy as np
 import pytest
 from model_cases import two
 
-from icmj.case.case import simulate_plant
-from icmj.controller.controller import Controller
+from icmj import Controller, Impulse, Settings, error_system, load_plant, predict, simulate_plant
 from icmj.controller.design import design_lq, system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
-from icmj.engine.plant import load_plant
 from icmj.errors import AnalysisError
 from icmj.experiments.attraction import attractors
 from icmj.plant.linear_plant import LinearPlant, deviate, match_ports, pick
-from icmj.simulation.settings import Impulse, Settings
-from icmj.theory.error_system import error_system
-from icmj.theory.prediction import predict
 
 RNG = np.random.default_rng(3)
 NAMED = LinearPlant(

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
+from icmj import load_plant, parse_run
 from icmj.engine.linearisation import linearise
 from icmj.engine.model import load_spec
-from icmj.engine.plant import load_plant
 from icmj.errors import ModelError
 from icmj.plant.body import Person, Segment
-from icmj.runfile.reading import parse_run
 
 RUN = """
 case = { name = "person", title = "A person" }

@@ -8,10 +8,9 @@ from xml.etree import ElementTree
 import pytest
 from report_cases import CASES, result, run_text, whole_report
 
+from icmj import build_report, parse_run
 from icmj.errors import ReportError
-from icmj.report.builder import build_report
 from icmj.report.panels import PANELS
-from icmj.runfile.reading import parse_run
 
 pytestmark = pytest.mark.slow  # every figure of every case is drawn
 

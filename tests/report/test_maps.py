@@ -7,10 +7,9 @@ import pyarrow as pa
 import pytest
 from matplotlib.figure import Figure
 
+from icmj import build_report, plots
 from icmj.case.result import SweepTable
 from icmj.errors import ReportError
-from icmj.report import plots
-from icmj.report.builder import build_report
 from icmj.report.maps import edges, grid, motions, pictures, regions
 
 B, Q = np.linspace(0.8, 1.2, 9), np.geomspace(1e-3, 1e-1, 21)

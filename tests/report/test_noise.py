@@ -8,24 +8,20 @@ from log_cases import assert_same
 from matplotlib.figure import Figure
 from report_cases import result
 
+from icmj import Result, build_report, measure, parse_run, statistics
 from icmj.case.comparison import compare, to_json
-from icmj.case.result import Result
 from icmj.errors import LogError
 from icmj.linear.run import simulate
 from icmj.log.archive import pack, unpack
 from icmj.log.writer import markdown
 from icmj.log.writer import summarise as properties
-from icmj.measurement.measurement import measure
-from icmj.measurement.statistics import statistics
 from icmj.plant.linear_plant import transformation
 from icmj.report import sections
-from icmj.report.builder import build_report
 from icmj.report.figures import draw_histogram
 from icmj.report.panels import PANELS
 from icmj.report.sections import Picture
 from icmj.report.summary import estimate
 from icmj.report.wording import pair, shown_interval
-from icmj.runfile.reading import parse_run
 
 PICTURE = Picture("a", "data:", "a")
 NOISE = """

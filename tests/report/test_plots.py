@@ -9,15 +9,13 @@ from matplotlib.figure import Figure
 from report_cases import result, swaying
 
 import icmj
+from icmj import Delay, Noise, statistics
 from icmj.case.result import output_rate
-from icmj.controller.design import Delay
 from icmj.errors import ReportError
 from icmj.linear.run import simulate
-from icmj.measurement.statistics import statistics
 from icmj.report import style
 from icmj.report.panels import PANELS
 from icmj.report.wording import pair
-from icmj.simulation.settings import Noise
 
 PLOTS = icmj.plots
 BOTH = ("linear", "mujoco")

@@ -10,10 +10,9 @@ import pytest
 from report_cases import CASES, PENDULUM, design_of, everything, result, run_text
 
 import icmj
+from icmj import LinearPlant, Settings, SwitchingPD, parse_run
 from icmj.case.result import Attractor, Result
-from icmj.controller.delayed import SwitchingPD
 from icmj.controller.trigger import EventRule, EventTrigger, Faces
-from icmj.plant.linear_plant import LinearPlant
 from icmj.report import sections, style
 from icmj.report.builder import render_page
 from icmj.report.experiment import Row, experiment_page
@@ -22,8 +21,6 @@ from icmj.report.panels import PANELS
 from icmj.report.summary import overview_figure
 from icmj.report.wording import pair
 from icmj.runfile.experiment_tables import DoubleStepTable, QuietStandingTable
-from icmj.runfile.reading import parse_run
-from icmj.simulation.settings import Settings
 
 
 def rows():

@@ -5,10 +5,9 @@ import contextlib
 import numpy as np
 import pytest
 
+from icmj import Series, read_series, write_series
 from icmj.errors import DataError
 from icmj.series import formats
-from icmj.series.reading import read_series, write_series
-from icmj.series.series import Series
 
 T = np.arange(0, 4, 0.01)
 

@@ -9,11 +9,10 @@ import pytest
 from fault_cases import SHORT
 from terminal_cases import told
 
+from icmj import load_experiment, load_run, parse_run
 from icmj.case.case import Case, PlantKind, prepare, simulate
 from icmj.cli.main import main
 from icmj.errors import StudyError
-from icmj.runfile.experiment_tables import load_experiment
-from icmj.runfile.reading import load_run, parse_run
 from icmj.simulation.ending import MOST_EVENTS, WINDOW, EventPace
 from icmj.study.estimate import LONGEST, estimate, refuse_long, refuse_trials
 from icmj.study.experiment import conditions_of, kind_of

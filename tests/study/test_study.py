@@ -8,14 +8,9 @@ import numpy as np
 import pytest
 from kernel_cases import computed, kernels
 
-from icmj.case.case import prepare, simulate
-from icmj.case.comparison import compare
+from icmj import build_report, compare, load_run, parse_run, prepare, read_log, simulate, write_log
 from icmj.controller.controller import continuous_limit
 from icmj.errors import ModelError, RunFileError
-from icmj.log.reader import read_log
-from icmj.log.writer import write_log
-from icmj.report.builder import build_report
-from icmj.runfile.reading import load_run, parse_run
 from icmj.study.study import find_runs, run_case, run_study
 
 DELAYED = ("three-link-0.9-delay", "three-link-1.1-delay")

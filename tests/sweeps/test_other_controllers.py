@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.case.case import prepare, simulate
+from icmj import load_run, prepare, simulate
 from icmj.errors import RunFileError
 from icmj.experiments.attraction import rounds_of
 from icmj.report.maps import pictures
-from icmj.runfile.reading import load_run
 from icmj.runfile.sweep_tables import load_sweep
 
 SWEEP = """

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from theory_cases import random_systems, shipped, started_beside
 
-from icmj.controller.trigger import EventTrigger
-from icmj.theory.prediction import predict
+from icmj import EventTrigger, predict
 
 
 @pytest.mark.slow

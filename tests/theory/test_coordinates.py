@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from theory_cases import neglected, pendulum, pendulum_design, random_systems, three_link, three_link_design
 
-from icmj.controller.trigger import EventTrigger
-from icmj.theory.error_system import error_system
-from icmj.theory.prediction import predict
+from icmj import EventTrigger, error_system, predict
 
 CASES = {
     "b=0.8": (pendulum(0.8), pendulum_design()),

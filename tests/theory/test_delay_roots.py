@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
-from icmj.controller.delayed import SwitchingPD
+from icmj import LinearPlant, SwitchingPD
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.delay_roots import DelayLoop, delay_loop, rightmost_roots, stability_limit
 
 MASS, LENGTH, GRAVITY, DELAY = 60.0, 1.0, 9.81, 0.2

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from theory_cases import neglected, pendulum, pendulum_design, random_systems, shipped
 
-from icmj.controller.design import Design, system_matched, zero_order
+from icmj import Design, error_system, system_matched, zero_order
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, deviate
 from icmj.theory.crossings import search
-from icmj.theory.error_system import error_system
 
 
 def random_loop(rng, n=None, n_hat=None):

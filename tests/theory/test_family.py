@@ -5,15 +5,10 @@ import pytest
 from scipy.linalg import block_diag
 from theory_cases import dip, pair_of_holds, pendulum, pendulum_design, random_systems, shipped, step, system_beside
 
-from icmj.controller.controller import Controller
-from icmj.controller.design import Design, system_matched
-from icmj.controller.trigger import EventTrigger
+from icmj import Controller, Design, EventTrigger, LinearPlant, Settings, predict, system_matched
 from icmj.linear.run import simulate
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
 from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.prediction import predict
 from icmj.theory.reduction import mixtures, modulo
 
 

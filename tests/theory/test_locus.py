@@ -5,9 +5,8 @@ import pytest
 from scipy.linalg import expm
 from theory_cases import SHIPPED, random_systems, shipped
 
-from icmj.controller.design import design_lq
+from icmj import LinearPlant, design_lq
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.error_system import error_system, flow, follow, locus
 
 

@@ -8,15 +8,10 @@ import theory_cases as cases
 from scipy.linalg import block_diag
 from theory_cases import SHIPPED, beside, pendulum_design, random_systems, shipped, system_beside
 
-from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, Design, system_matched
-from icmj.controller.trigger import EventTrigger
+from icmj import Controller, Delay, Design, EventTrigger, LinearPlant, Settings, predict, system_matched
 from icmj.errors import AnalysisError
 from icmj.linear.run import simulate
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.prediction import predict
 from icmj.theory.reduction import reduction, stable_modulo_neutral
 
 PLAIN = 1.8065  # Δ_crit of the pendulum alone [s], notes, section 4

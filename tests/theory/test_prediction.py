@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from theory_cases import SHIPPED, neglected, pendulum_design, shipped
 
-from icmj.controller.design import zero_order
-from icmj.controller.trigger import EventTrigger, output_weight
+from icmj import EventTrigger, output_weight, zero_order
 from icmj.errors import AnalysisError
 from icmj.theory.circle import Crossing
 from icmj.theory.error_system import error_system, locus

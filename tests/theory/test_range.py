@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from theory_cases import random_systems, shipped
 
-from icmj.controller.trigger import EventTrigger
+from icmj import EventTrigger, predict
 from icmj.theory.crossings import search
-from icmj.theory.prediction import predict
 
 
 def prediction(case, end):

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from theory_cases import SHIPPED, assert_multipliers_agree, random_systems, shipped
 
-from icmj.controller.trigger import EventTrigger
+from icmj import EventTrigger, predict
 from icmj.theory.orbit import jacobian, multipliers
-from icmj.theory.prediction import predict
 
 
 @pytest.mark.parametrize("case", [c for c in SHIPPED if c != "exact"])
