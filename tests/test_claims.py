@@ -254,12 +254,8 @@ def number_of(text: str) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(("text", "value", "allowed"), [
-    ("0.7594", 0.7594, 5e-5),
-    ("−4.5 · 10⁻⁶", -4.5e-6, 5e-8),
-    ("< 10⁻¹²", 0.0, 1e-12),
-    ("44 %", 0.44, 0.005),
-    ("2 · 10⁻⁸", 2e-8, 5e-9),
-    ("at most 2.5 %", 0.0, 0.025),
+    ("0.7594", 0.7594, 5e-5), ("−4.5 · 10⁻⁶", -4.5e-6, 5e-8), ("< 10⁻¹²", 0.0, 1e-12), ("44 %", 0.44, 0.005),
+    ("2 · 10⁻⁸", 2e-8, 5e-9), ("at most 2.5 %", 0.0, 0.025),
 ])  # fmt: skip
 def test_a_printed_number_is_read(text: str, value: float, allowed: float) -> None:
     assert number_of(text) == pytest.approx((value, allowed), rel=1e-6)

@@ -8,13 +8,8 @@ NAMES = ("delta_min", "q_t", "Q_t", "threshold", "system-matched")
 
 
 @pytest.mark.parametrize(("given", "meant"), [
-    ("delta-min", "delta_min"),
-    ("DeltaMin", "delta_min"),
-    ("treshold", "threshold"),
-    ("system_matched", "system-matched"),
-    ("nothing like it", None),
-    ("", None),
-    ("threshold" * 10**5, None),
+    ("delta-min", "delta_min"), ("DeltaMin", "delta_min"), ("treshold", "threshold"),
+    ("system_matched", "system-matched"), ("nothing like it", None), ("", None), ("threshold" * 10**5, None),
 ])  # fmt: skip
 def test_the_nearest_name(given, meant):
     assert nearest(given, NAMES) == meant

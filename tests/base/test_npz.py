@@ -59,13 +59,10 @@ def test_an_array_that_is_none_is_refused(npy: bytes, tmp_path: Path) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_pickles_stay_closed(tmp_path: Path) -> None:
+def test_pickles_stay_closed_and_no_file_is_an_error_of_the_system(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", t=np.array([{}], dtype=object))
     with pytest.raises(ValueError, match="not an npz file of plain arrays"):
         read_npz(tmp_path / "a.npz", 1e6)
-
-
-def test_no_file_is_an_error_of_the_system(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         read_npz(tmp_path / "none.npz", 1e6)
 

@@ -21,11 +21,8 @@ def test_what_a_terminal_would_obey_is_taken_out(text: str, line: str) -> None:
     assert one_line(text) == line
 
 
-def test_it_is_cut() -> None:
+def test_one_line_is_cut_and_lines_of_printable_text_stay() -> None:
     assert one_line("abc" * 10, 5) == "abca…"
-
-
-def test_lines_of_printable_text_stay() -> None:
     assert printable("a\n\tb\x1b[31m\x9b\u202ec\u2067 [/] ζ 重り\ud800") == "a\n\tb[31mc [/] ζ 重り"
 
 

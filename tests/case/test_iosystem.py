@@ -125,10 +125,12 @@ def test_a_ball_joint_turns_as_the_engine_turns_it(tmp_path):
     assert rate == pytest.approx(exact, abs=1e-8)
 
 
-def test_plants_alone_and_plants_of_cases(root):
+def test_plants_of_cases_have_such_a_form_and_events_inside_the_steps_of_the_engine_none(root):
     assert isinstance(icmj.to_iosystem(actual_plant("b0.8")), control.StateSpace)
     case = icmj.prepare(icmj.load_run(root / "runs" / "simple-0.8.toml"))
     assert isinstance(icmj.to_iosystem(case.actual), control.NonlinearIOSystem)
+    with pytest.raises(AnalysisError, match="has events inside its steps"):
+        icmj.to_iosystem(case.actual, case.controller, dt=1e-3)
 
 
 @pytest.mark.parametrize(("make", "words"), [
@@ -144,12 +146,6 @@ def test_plants_alone_and_plants_of_cases(root):
 def test_what_has_no_such_form_is_refused(make, words):
     with pytest.raises(AnalysisError, match=words):
         make()
-
-
-def test_events_inside_the_steps_of_the_engine_have_no_such_form(root):
-    case = icmj.prepare(icmj.load_run(root / "runs" / "simple-0.8.toml"))
-    with pytest.raises(AnalysisError, match="has events inside its steps"):
-        icmj.to_iosystem(case.actual, case.controller, dt=1e-3)
 
 
 def test_names_have_no_points():

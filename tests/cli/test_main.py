@@ -64,13 +64,10 @@ def test_analyse_json_is_the_contract(root, shell):
     assert second["largest_other"] == pytest.approx(1.20, abs=5e-3)
 
 
-def test_analyse_json_of_the_exact_model_has_nulls(root, shell):
+def test_analyse_json_has_nulls_and_the_stability_of_either_feedback(root, shell):
     found = shell.answers(["analyse", str(root / "runs" / "simple-exact.toml"), "--json"])
     assert (found["delta_crit"], found["eigenvalue"], found["period"], found["gamma"]) == (None, None, None, None)
     assert (found["cycle"], found["crossings"]) == (False, [])
-
-
-def test_neglected_dynamics_unstable_under_state_feedback_only(root, shell):
     for name, stable in (("neglected-0.1", False), ("neglected-0.5", True)):
         found = shell.answers(["analyse", str(root / "runs" / f"{name}.toml"), "--json"])
         assert found["continuous_stable"] == {"state_feedback": stable, "observer_feedback": True}

@@ -44,12 +44,9 @@ def test_a_stream_without_characters_for_a_box_is_told_as_much(shell):
         assert said in shell.refuses(words.split())
 
 
-def test_options_come_with_underscores_too():
+def test_options_come_with_underscores_too_and_set_is_repeatable():
     command = parse(["linearise", "x", "--operating_point", "balance", "--free", "a", "b"])
     assert (command.operating_point, command.free) == ("balance", ("a", "b"))
-
-
-def test_set_is_repeatable():
     command = parse(["run", "x", "--set", "a.b=1", "--plant", "linear", "--set", "c.d=2"])
     assert command.set == ("a.b=1", "c.d=2")
 

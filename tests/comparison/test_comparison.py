@@ -23,7 +23,7 @@ def test_a_run_on_the_predicted_cycle(name, period_in_intervals):
     assert comparison.words == verdict_in_words(result(name), True)
 
 
-def test_errors_are_relative_to_the_prediction():
+def test_errors_are_relative_to_the_prediction_and_the_largest_keeps_its_sign():
     found = result("b0.8")
     delta, amplitude = found.prediction.delta_crit, found.prediction.amplitude
     measurement = replace(found.measurement, interval=1.01 * delta, period=0.98 * delta, amplitude=1.5 * amplitude)
@@ -31,9 +31,6 @@ def test_errors_are_relative_to_the_prediction():
     assert error.interval == pytest.approx(0.01)
     assert error.period == pytest.approx(-0.02)
     assert error.amplitude == pytest.approx([0.5])
-
-
-def test_largest_amplitude_error_keeps_its_sign():
     found = result("three-link")
     measurement = replace(found.measurement, amplitude=found.prediction.amplitude * [1.001, 0.99, 1.002])
     assert compare(replace(found, measurement=measurement)).relative_error.largest_amplitude == pytest.approx(-0.01)

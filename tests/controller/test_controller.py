@@ -53,11 +53,8 @@ def test_a_clock_needs_a_positive_interval_and_a_singular_event_weight_is_fine_a
 
 
 @pytest.mark.parametrize(("Q_t", "q_t", "delta_min", "word"), [
-    ([[1, 0], [0, -1]], 0.1, 0.0, "semidefinite"),
-    ([[1, 0]], 0.1, 0.0, "square"),
-    (np.eye(2), 0.0, 0.0, "q_t"),
-    (np.eye(2), np.nan, 0.0, "q_t"),
-    (np.eye(2), 0.1, -1.0, "delta_min"),
+    ([[1, 0], [0, -1]], 0.1, 0.0, "semidefinite"), ([[1, 0]], 0.1, 0.0, "square"), (np.eye(2), 0.0, 0.0, "q_t"),
+    (np.eye(2), np.nan, 0.0, "q_t"), (np.eye(2), 0.1, -1.0, "delta_min"),
 ])  # fmt: skip
 def test_triggers_that_cannot_be_are_refused(Q_t, q_t, delta_min, word):
     with pytest.raises(AnalysisError, match=word):

@@ -51,9 +51,11 @@ def test_the_predictor_is_the_model_run_over_the_delay(hold) -> None:
     np.testing.assert_allclose(found, end[:2], atol=1e-11)
 
 
-def test_without_a_delay_the_predictor_does_nothing() -> None:
+def test_without_a_delay_the_predictor_does_nothing_and_numbers_of_numpy_are_numbers() -> None:
     design = pendulum_design()
     np.testing.assert_array_equal(predictor(design, system_matched(design), 0.0), np.eye(2, 4))
+    assert Delay(np.float64(0.1), np.float32(0.5)) == Delay(0.1, 0.5)
+    assert bool(Delay(np.float64(0.1))) is True
 
 
 def test_bad_delays_are_refused() -> None:
@@ -70,11 +72,6 @@ def test_bad_delays_are_refused() -> None:
         controller.triggered_by(Continuous())
     with pytest.raises(SimulationError, match="no event would ever act"):
         simulate_linear(pendulum(), controller, Settings(duration=0.1))
-
-
-def test_numbers_of_numpy_are_numbers() -> None:
-    assert Delay(np.float64(0.1), np.float32(0.5)) == Delay(0.1, 0.5)
-    assert bool(Delay(np.float64(0.1))) is True
 
 
 def test_the_states_that_wait_are_declared_once() -> None:
@@ -341,11 +338,8 @@ def test_realisation_without_a_delay_has_no_further_state() -> None:
 
 
 @pytest.mark.parametrize(("late", "trigger", "words"), [
-    (-0.1, None, "at least 1e-09 s"),
-    (1e-12, None, "at least 1e-09 s"),
-    (np.inf, None, "finite"),
-    ("0.1", None, "finite"),
-    (0.1, ClockTrigger(0.2), "kind 'clock' has none"),
+    (-0.1, None, "at least 1e-09 s"), (1e-12, None, "at least 1e-09 s"), (np.inf, None, "finite"),
+    ("0.1", None, "finite"), (0.1, ClockTrigger(0.2), "kind 'clock' has none"),
     (0.1, Continuous(), "kind 'continuous' has none"),
 ])  # fmt: skip
 def test_a_sampling_delay_that_cannot_be_is_refused_in_one_line(late, trigger, words) -> None:

@@ -15,11 +15,8 @@ from icmj.errors import CycleError
 
 
 @pytest.mark.parametrize(("name", "q_t", "plant"), [
-    ("simple-0.8", 0.3, "mujoco"),
-    ("three-link-0.9", 0.1, "mujoco"),
-    ("neglected-0.1", 0.1, "mujoco"),
-    ("three-link-1.1-delay", 0.03, "mujoco"),
-    ("three-link-1.1-delay", 0.03, "linear"),
+    ("simple-0.8", 0.3, "mujoco"), ("three-link-0.9", 0.1, "mujoco"), ("neglected-0.1", 0.1, "mujoco"),
+    ("three-link-1.1-delay", 0.03, "mujoco"), ("three-link-1.1-delay", 0.03, "linear"),
 ])  # fmt: skip
 def test_it_is_what_differences_of_flights_say(name: str, q_t: float, plant: str) -> None:
     of = case(name, controller__q_t=q_t)

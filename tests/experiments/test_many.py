@@ -118,10 +118,12 @@ def test_so_is_a_number_of_processes_that_is_none(standing, jobs):
         icmj.simulate_many(standing, 20, jobs=jobs)
 
 
-def test_it_takes_nothing_but_a_case(standing):
+def test_nothing_but_a_case_is_taken_and_an_unknown_key_is_refused(standing):
     for other in (standing.run, standing.controller, None):
         with pytest.raises(AnalysisError, match="simulate_many takes a Case, got"):
             icmj.simulate_many(other, 1, jobs=1)
+    with pytest.raises(RunFileError, match=r"simulation\.initail"):
+        icmj.simulate_many(standing, vary={"simulation.initail.ankle": [0.1]}, jobs=1)
 
 
 def test_a_set_point_is_followed(root):
@@ -149,8 +151,3 @@ def test_what_was_replaced_in_a_case_is_in_every_process(standing):
     np.testing.assert_array_equal(icmj.simulate(alone.case(7), "linear").events.t, alone["events"][7])
     with pytest.raises(SimulationError, match="settings or trigger of this case are others"):
         icmj.simulate_many(other, vary={"actual.gain": [0.9]}, jobs=1)
-
-
-def test_an_unknown_key_is_refused(standing):
-    with pytest.raises(RunFileError, match=r"simulation\.initail"):
-        icmj.simulate_many(standing, vary={"simulation.initail.ankle": [0.1]}, jobs=1)

@@ -63,18 +63,12 @@ def test_a_series_is_there_in_full_precision_at_its_times(entity, name, log, thr
     np.testing.assert_allclose(times(log, entity), three_link.simulation.t * 1e9, atol=0.51)
 
 
-def test_the_legend_has_names(log: Path, three_link: Result) -> None:
+def test_the_legend_has_names_events_are_marks_and_there_is_one_timeline(log: Path, three_link: Result) -> None:
     (names,) = (b.column("SeriesLines:names").to_pylist()[0] for b in tables(log, "/outputs/run", static=True))
     assert tuple(names) == three_link.actual.outputs
-
-
-def test_events_are_marks(log: Path, three_link: Result) -> None:
     events = three_link.simulation.events
     np.testing.assert_array_equal(column(log, "/interval/events", "Scalars:scalars"), events.interval)
     np.testing.assert_allclose(times(log, "/interval/events"), events.t * 1e9, atol=0.51)
-
-
-def test_there_is_one_timeline(log: Path) -> None:
     lines = {name for chunk in RrdReader(log).store().stream() for name in chunk.timeline_names}
     assert lines == {"time"}
 

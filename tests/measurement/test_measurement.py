@@ -125,13 +125,10 @@ def test_quasi_periodic_and_irregular():
     assert measure(motion(states, 1 + 0.1 * s[1:]), T_hat=T_HAT).kind == "irregular"
 
 
-def test_a_cycle_that_fell_silent_is_no_cycle():
+def test_a_cycle_that_fell_silent_is_no_cycle_nor_is_a_run_without_events():
     found = measure(motion(*periodic(1), after=30.0), T_hat=T_HAT)
     assert found.kind == "decay"  # x at the end of this run is zero
     assert "no event" in found.words
-
-
-def test_no_events():
     found = measure(motion(np.zeros((0, 4)), []), T_hat=T_HAT)
     assert (found.kind, found.interval) == ("no events", None)
     assert found.amplitude == pytest.approx([0.25])

@@ -13,16 +13,10 @@ from icmj.plant.linear_plant import LinearPlant, deviate, transformation
 PENDULUM = LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]], ("angle", "rate"), ("torque",), ("y",))
 
 
-def test_poles_of_the_pendulum_are_plus_and_minus_one():
+def test_the_pendulum_is_one_over_s_squared_minus_one_also_as_a_statespace_and_back():
     np.testing.assert_allclose(PENDULUM.poles, [1, -1], atol=1e-15)
-
-
-def test_statespace_has_the_transfer_function_one_over_s_squared_minus_one():
     s = 0.3 + 2j
     assert PENDULUM.statespace()(s) == pytest.approx(1 / (s**2 - 1), rel=1e-14)
-
-
-def test_statespace_round_trip_keeps_matrices_and_names():
     back = LinearPlant.from_statespace(PENDULUM.statespace())
     for name in "ABC":
         np.testing.assert_array_equal(getattr(back, name), getattr(PENDULUM, name))

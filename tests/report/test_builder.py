@@ -56,9 +56,11 @@ def page(report):
     return reader
 
 
-def test_page_is_well_formed(page):
+def test_page_is_well_formed_and_its_links_lead_somewhere(page):
     assert page.open == []
     assert len(page.ids) == len(set(page.ids))
+    assert page.links
+    assert {link.removeprefix("#") for link in page.links} <= set(page.ids)
 
 
 def test_page_needs_no_network(report, page):
@@ -67,11 +69,6 @@ def test_page_needs_no_network(report, page):
     assert "url(" not in css
     assert "@import" not in css
     assert "http" not in css
-
-
-def test_links_in_the_page_lead_somewhere(page):
-    assert page.links
-    assert {link.removeprefix("#") for link in page.links} <= set(page.ids)
 
 
 def test_every_panel_of_every_case_is_in_the_page_with_words(page):
@@ -136,13 +133,10 @@ def test_a_failure_leaves_the_old_page_alone(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [out]
 
 
-def test_no_results_write_nothing(tmp_path):
+def test_no_results_write_nothing_and_an_unusable_place_is_named(tmp_path):
     with pytest.raises(ReportError, match="at least one log"):
         build_report([], tmp_path / "new" / "report.html")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_an_unusable_place_is_named(tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ReportError, match="file"):
         build_report([result("b0.8")], tmp_path / "file" / "report.html")

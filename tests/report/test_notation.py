@@ -32,11 +32,7 @@ def test_notation(text, html):
 
 
 @pytest.mark.parametrize(("name", "text"), [
-    ("q_t", "q_t"),
-    ("Q_t", "Q_t"),
-    ("delta_min", "Δ_min"),
-    ("gamma", "γ"),
-    ("clock", "clock"),
+    ("q_t", "q_t"), ("Q_t", "Q_t"), ("delta_min", "Δ_min"), ("gamma", "γ"), ("clock", "clock"),
     ("dead_zone", "dead zone"),
 ])  # fmt: skip
 def test_a_name_in_code_as_the_paper_writes_it(name, text):

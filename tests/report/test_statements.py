@@ -48,9 +48,10 @@ def test_each_result_of_the_paper_counts_once_and_what_names_the_system_not_at_a
     assert verdicts_on_results(pair([result("printed")])) == [NO, YES, NO]
 
 
-def test_a_reservation_names_the_damping_ratio_that_was_taken():
+def test_a_reservation_names_the_damping_ratio_and_the_unstable_design_its_eigenvalue():
     for i in (0, 1, 3):
         assert "ζ = 0.1; the paper prints ζ = 0.5" in answer(pair([result("neglected")]))[i].answer.why
+    assert "0.497 ± 9.92j" in answer(pair([result("neglected")]))[3].answer.why
 
 
 def test_the_misprint_is_answered_with_its_numbers():
@@ -60,13 +61,11 @@ def test_the_misprint_is_answered_with_its_numbers():
     assert fourth.startswith("The rightmost eigenvalue of A − Bk is −")
 
 
-def test_the_unstable_continuous_design_is_answered_with_its_eigenvalue():
-    assert "0.497 ± 9.92j" in answer(pair([result("neglected")]))[3].answer.why
-
-
-def test_another_gain_is_not_the_papers_case():
+def test_another_gain_and_a_cycle_where_the_paper_has_none_are_not_reproduced():
     wrong = replace(result("b0.8"), actual=actual_plant("b1.2"))
     assert verdicts(wrong)[0] == NO
+    good, other = result("b1.7"), result("b1.2")
+    assert verdicts(replace(good, prediction=other.prediction, measurement=other.measurement))[2] == NO
 
 
 def test_a_run_that_does_not_settle_fails_period_and_convergence():
@@ -74,11 +73,6 @@ def test_a_run_that_does_not_settle_fails_period_and_convergence():
     lost = replace(good.measurement, kind="irregular", p=None, period=None, intervals=np.zeros(0), interval=1.1)
     bad = replace(result("b0.8", "mujoco"), measurement=lost)
     assert verdicts(good, bad) == [YES, YES, NO, NO]
-
-
-def test_a_cycle_where_the_paper_has_none_is_not_reproduced():
-    good, other = result("b1.7"), result("b1.2")
-    assert verdicts(replace(good, prediction=other.prediction, measurement=other.measurement))[2] == NO
 
 
 def test_what_no_case_names_is_listed_as_untested():

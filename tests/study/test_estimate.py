@@ -24,10 +24,12 @@ def case(root: Path, duration: float = 20.0, *more: str) -> Case:
     return prepare(parse_run(text.replace("growth_points = 2", "growth_points = 0")))
 
 
-def test_the_shipped_cases_are_quick(root: Path) -> None:
+def test_the_shipped_cases_and_experiments_are_quick(root: Path) -> None:
     for path in sorted((root / "runs").glob("*.toml")):
         found = prepare(load_run(path))
         assert max(estimate(found, plant, study=True) for plant in ("linear", "mujoco")) < LONGEST
+    for path in sorted((root / "experiments").glob("*.toml")):
+        refuse_trials(path, planned(path), 1, LONGEST)
 
 
 @pytest.mark.slow
@@ -60,11 +62,6 @@ def test_the_steps_that_a_stiff_loop_takes_are_counted(root: Path, plant: str) -
     assert seconds[1e-12] > 1e4 * LONGEST
     with pytest.raises(StudyError, match=r"would take about .*; shorten it .* or start it with --yes"):
         refuse_long(trial, plant, seconds[1e-12], LONGEST)  # type: ignore[arg-type]
-
-
-def test_the_shipped_experiments_are_quick(root: Path) -> None:
-    for path in sorted((root / "experiments").glob("*.toml")):
-        refuse_trials(path, planned(path), 1, LONGEST)
 
 
 STANDING = """

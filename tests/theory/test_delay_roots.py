@@ -37,13 +37,8 @@ def test_the_printed_intermittent_gains_held_on_are_unstable() -> None:
 
 
 @pytest.mark.parametrize(("D", "limit", "frequency"), [
-    (50, 0.444487, 1.612284),
-    (100, 0.803373, 2.660691),
-    (150, 1.102807, 3.444279),
-    (200, 1.333084, 4.124364),
-    (250, 1.481136, 4.754237),
-    (270, 1.513461, 4.998884),
-    (300, 1.528569, 5.362550),
+    (50, 0.444487, 1.612284), (100, 0.803373, 2.660691), (150, 1.102807, 3.444279), (200, 1.333084, 4.124364),
+    (250, 1.481136, 4.754237), (270, 1.513461, 4.998884), (300, 1.528569, 5.362550),
 ])  # fmt: skip
 def test_limits_of_stability(D: float, limit: float, frequency: float) -> None:
     P, omega = stability_limit(lambda P: loop(P, D), 0.3, 2.0)
