@@ -28,7 +28,6 @@ MODULES = {name for name in ABSENT if name.islower() and "." not in name and "/"
 NAMES = {name for name in ABSENT if "." in name}
 REFUSED = (errno.EOPNOTSUPP, os.strerror(errno.EOPNOTSUPP))
 
-
 class Bare(types.ModuleType):
     """A module without what this system does not have."""
 
@@ -41,7 +40,6 @@ class Bare(types.ModuleType):
         if f"{whole.__name__}.{name}" in NAMES:
             raise AttributeError(f"module {whole.__name__!r} has no attribute {name!r}")
         return getattr(whole, name)
-
 
 def replaced(name):
     """Functions of the module that are there and refuse."""
@@ -83,9 +81,7 @@ def replaced(name):
         return found
     return {}
 
-
 BARES, load = {}, builtins.__import__
-
 
 def importing(name, named=None, *more, **others):
     if not str((named or {}).get("__name__", "")).startswith("icmj."):
@@ -99,7 +95,6 @@ def importing(name, named=None, *more, **others):
         BARES[name] = Bare(whole, replaced(name))
     return BARES[name]
 
-
 def ours():
     frame = sys._getframe(2)
     passed_on = "pathlib", "io", "contextlib", "posixpath", "genericpath"
@@ -107,14 +102,12 @@ def ours():
         frame = frame.f_back
     return str(frame.f_globals.get("__name__", "")).startswith("icmj.")
 
-
 def unless_proc(function):
     def found(path, *arguments, **named):
         if str(path).startswith("/proc") and ours():
             raise FileNotFoundError(2, "No such file or directory", str(path))
         return function(path, *arguments, **named)
     return found
-
 
 builtins.__import__ = importing
 if "/proc" in ABSENT:

@@ -185,7 +185,7 @@ def test_what_a_push_does_goes_with_the_matrices_of_a_model(tmp_path, capsys, ro
         prepare(made(PENDULUM + "\nB_d = [[0, 1], [1, 0], [2, 2]]"))
 
 
-def test_a_file_that_would_unpack_to_very_much_is_refused(tmp_path):
+def test_a_file_that_would_unpack_to_very_much_is_refused_and_no_pickle_is_opened(tmp_path):
     np.savez_compressed(tmp_path / "bomb.npz", A=np.zeros((2000, 2000)), B=np.eye(1), C=np.eye(1))
     assert (tmp_path / "bomb.npz").stat().st_size < 1e5
     with pytest.raises(RunFileError, match=r"32 MB of arrays; expected at most 10 MB"):
@@ -193,6 +193,9 @@ def test_a_file_that_would_unpack_to_very_much_is_refused(tmp_path):
     (tmp_path / "folder.npz").mkdir()
     with pytest.raises(RunFileError, match="not a file"):
         read_matrices(tmp_path / "folder.npz")
+    np.savez(tmp_path / "evil.npz", A=np.array([{"a": 1}], dtype=object), B=np.eye(1), C=np.eye(1))
+    with pytest.raises(RunFileError, match="holds no matrices that can be read"):
+        read_matrices(tmp_path / "evil.npz")
 
 
 @pytest.mark.parametrize("kind", ["npz", "json"])
@@ -214,12 +217,6 @@ def test_mutants_of_files_are_plants_or_told_in_one_line(tmp_path, kind):
             told.append(str(error))
     assert len(told) > 20
     assert not [words for words in told if "\n" in words]
-
-
-def test_no_pickle_is_opened(tmp_path):
-    np.savez(tmp_path / "evil.npz", A=np.array([{"a": 1}], dtype=object), B=np.eye(1), C=np.eye(1))
-    with pytest.raises(RunFileError, match="holds no matrices that can be read"):
-        read_matrices(tmp_path / "evil.npz")
 
 
 def test_a_plant_that_no_input_moves_is_told_as_of_a_model():

@@ -102,7 +102,7 @@ def test_one_output_is_the_paper_s_rule() -> None:
     np.testing.assert_allclose(box.multipliers, paper.multipliers, atol=1e-10)
 
 
-def test_what_is_no_box_is_refused() -> None:
+def test_what_is_no_box_is_refused_and_resizing_keeps_the_shape() -> None:
     for bad in ([0.1, -0.1], [], 0.0, [np.nan], [[0.1]]):
         with pytest.raises(AnalysisError, match="positive"):
             BoxTrigger(bad)
@@ -112,9 +112,6 @@ def test_what_is_no_box_is_refused() -> None:
         BoxTrigger(0.1, delta_min=-1.0)
     with pytest.raises(AnalysisError, match="2 thresholds for 1 outputs"):
         BoxTrigger([0.1, 0.2]).faces(shipped("b=0.8").design)
-
-
-def test_resizing_keeps_the_shape() -> None:
     rule = BoxTrigger([0.1, 0.4], delta_min=0.2).resized(0.04)
     np.testing.assert_allclose(rule.threshold, [0.01, 0.04])
     assert (rule.size, rule.delta_min) == (0.04, 0.2)

@@ -348,11 +348,8 @@ def test_provenance_that_differs_is_listed():
     assert ("icmj", "0.1.0, 0.2.0") in context["provenance"]
 
 
-def test_no_law_no_section():
+def test_without_a_law_there_is_no_section_and_a_law_prints_the_errors_without_sign():
     assert sections.law(pair([result("b0.8")]), {}, 1) is None
-
-
-def test_law_prints_the_errors_without_sign():
     picture = sections.Picture("x", "data:,", "x")
     section = sections.law(pair([result("three-link", "mujoco")]), {"three-link": picture}, 7)
     item = section.context["items"][0]
