@@ -45,9 +45,12 @@ def test_event_weight_that_does_not_fit_is_refused():
         as_weight("states", DESIGN)
 
 
-def test_a_clock_needs_a_positive_interval_and_a_singular_event_weight_is_fine_and_is_made_symmetric():
+def test_a_clock_needs_a_positive_interval():
     with pytest.raises(AnalysisError, match="positive"):
         ClockTrigger(0.0)
+
+
+def test_a_singular_event_weight_is_fine_and_is_made_symmetric():
     trigger = EventTrigger([[1, 1e-16], [0, 0]], 0.1)
     np.testing.assert_array_equal(trigger.Q_t, trigger.Q_t.T)
 

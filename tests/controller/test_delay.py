@@ -51,9 +51,12 @@ def test_the_predictor_is_the_model_run_over_the_delay(hold) -> None:
     np.testing.assert_allclose(found, end[:2], atol=1e-11)
 
 
-def test_without_a_delay_the_predictor_does_nothing_and_numbers_of_numpy_are_numbers() -> None:
+def test_without_a_delay_the_predictor_does_nothing() -> None:
     design = pendulum_design()
     np.testing.assert_array_equal(predictor(design, system_matched(design), 0.0), np.eye(2, 4))
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
     assert Delay(np.float64(0.1), np.float32(0.5)) == Delay(0.1, 0.5)
     assert bool(Delay(np.float64(0.1))) is True
 

@@ -33,9 +33,12 @@ def test_a_still_body_follows_the_surface_and_a_free_one_the_vertical():
     assert abs(blind.response(1e-3)) < 1e-12
 
 
-def test_too_few_lines_are_refused_and_without_noise_the_intervals_shrink_to_the_value():
+def test_too_few_lines_are_refused():
     with pytest.raises(DataError, match="three lines or more"):
         fit_channels(BODY, LINES[:2], np.ones(2, complex), np.zeros(2))
+
+
+def test_without_noise_the_confidence_intervals_shrink_to_the_value():
     put = replace(BODY, P=470.0, D=270.0, delay=0.15, weight=0.6)
     found = fit_channels(BODY, LINES, put.response(LINES), np.zeros(len(LINES)))
     assert (found.half_widths < 1e-5 * np.array([470.0, 270.0, 0.15, 0.6])).all()
