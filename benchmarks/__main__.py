@@ -12,8 +12,6 @@ Rows of Drake and jaxonomy need these beside icmj; both install for Python 3.11 
 Exits with status 1 if a bound is missed.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import platform
@@ -25,42 +23,25 @@ from benchmarks import analysis, cycles, linear, live, noise, precision, rivals,
 from benchmarks.row import Row
 from icmj.cli.terminal import Column, Terminal, show_table
 
-MEASURED = (
-    Column("group"),
-    Column("measured"),
-    Column("value", "right"),
-    Column("bound", "right"),
-    Column("note", rank=1),
-)
+MEASURED = (*map(Column, ("group", "measured")), *(Column(name, "right") for name in ("value", "bound")))
+MEASURED += (Column("note", rank=1),)
 COMPARED = (Column("group"), Column("measured"), Column("A", "right"), Column("B", "right"), Column("B / A", "right"))
 
 
 def _analysis() -> list[Row]:
     bounds = {"three-link analysis": 50.0, "24 states": 1e3, "54 states": 1e4}
-    return [
-        Row("analysis", name, 1e3 * seconds, "ms", note, bounds.get(name)) for name, seconds, note in analysis.rows()
-    ]
+    found = analysis.rows()
+    return [Row("analysis", name, 1e3 * seconds, "ms", note, bounds.get(name)) for name, seconds, note in found]
 
 
-GROUPS = {
-    "stepping": stepping.rows,
-    "precision": precision.rows,
-    "linear": linear.rows,
-    "noise": noise.rows,
-    "threads": threads.rows,
-    "startup": startup.rows,
-    "analysis": _analysis,
-    "cycles": cycles.rows,
-    "live": live.rows,
-    "rivals": rivals.rows,
-}
+MODULES = (stepping, precision, linear, noise, threads, startup, analysis, cycles, live, rivals)
+GROUPS = {module.__name__.rpartition(".")[2]: module.rows for module in MODULES} | {"analysis": _analysis}
 
 
 def main() -> int:
     """Run the command line; returns the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    how = {"prog": "python -m benchmarks", "description": __doc__}
+    parser = argparse.ArgumentParser(**how, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=list(GROUPS), action="append", help="measure this group only (repeatable)")
     parser.add_argument("--save", type=Path, metavar="FILE.json", help="keep the numbers")
     parser.add_argument("--compare", type=Path, nargs=2, metavar=("A.json", "B.json"), help="compare two saved results")

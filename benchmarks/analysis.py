@@ -4,8 +4,6 @@ The plant is the three-link model from its MJCF file, linearised and designed on
 chains of ever more links, to see how the analysis grows with the number of states.
 """
 
-from __future__ import annotations
-
 import statistics
 import time
 from collections.abc import Callable
@@ -14,11 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from icmj.controller.design import design_lq
-from icmj.controller.trigger import EventTrigger, output_weight
+from icmj import EventTrigger, LinearPlant, design_lq, output_weight
 from icmj.engine.linearisation import linearise
 from icmj.engine.model import load_spec
-from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system, flow, locus
 from icmj.theory.orbit import jacobian, multipliers, orbit

@@ -1,19 +1,14 @@
 """A branch of exact cycles against simulating three of its points until they close as well, both from run files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from time import process_time
 
 import numpy as np
 
 from benchmarks.row import Row
-from icmj.case.case import Case, prepare, simulate
-from icmj.cycle.continuation import follow
+from icmj import Case, RunFile, follow, load_run, prepare, simulate
 from icmj.cycle.curve import parameter
 from icmj.measurement.measurement import event_states
-from icmj.runfile.reading import load_run
-from icmj.runfile.schema import RunFile
 
 RUNS = Path(__file__).resolve().parent.parent / "runs"
 POINTS = 40

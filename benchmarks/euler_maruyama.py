@@ -3,14 +3,11 @@
 The same plant, controller, delay and predictor, and the same to be recorded; events are looked for once a step.
 """
 
-from __future__ import annotations
-
 import numba
 import numpy as np
 from scipy.linalg import expm
 
-from icmj.controller.controller import Controller
-from icmj.plant.linear_plant import LinearPlant
+from icmj import Controller, LinearPlant
 
 
 @numba.njit(nogil=True)
@@ -73,13 +70,11 @@ class EulerMaruyama:
         d, P, n, m = controller.design, controller.design.plant, plant.n, controller.design.plant.n
         none = np.zeros((m, n))
         # (x, x_o, x_h), as the paper writes them
-        M = np.block(
-            [
-                [plant.A, none.T, -plant.B @ d.k],
-                [d.L @ plant.C, d.A_o, -P.B @ d.k],
-                [none, np.zeros((m, m)), controller.hold.A_h],
-            ]
-        )
+        M = np.block([
+            [plant.A, none.T, -plant.B @ d.k],
+            [d.L @ plant.C, d.A_o, -P.B @ d.k],
+            [none, np.zeros((m, m)), controller.hold.A_h],
+        ])  # fmt: skip
         D = np.zeros((n + 2 * m, plant.n_u + plant.n_y))
         D[:n, : plant.n_u], D[n : n + m, plant.n_u :] = plant.B, d.L
         model = np.block([[P.A, -P.B @ d.k], [np.zeros((m, m)), controller.hold.A_h]])

@@ -1,7 +1,5 @@
 """The exact simulation of the linear plant: times real time, and beside what others need for the same loop."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -10,12 +8,10 @@ import numpy as np
 from benchmarks.others import LAST, SETTINGS, LinearTask, measured
 from benchmarks.row import Row, interleaved, least
 from benchmarks.task import three_link
-from icmj.controller.delayed import SwitchingPD
+from icmj import LinearPlant, Settings, SwitchingPD
 from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate, simulate_tapped
 from icmj.linear.simulator import open_loop
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
 
 DURATION = 60.0
 COMPARED = 15.0

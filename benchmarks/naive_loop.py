@@ -1,7 +1,5 @@
 """The closed loop as one writes it first: Euler steps with a Python callback that looks for events once a step."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 

@@ -1,7 +1,5 @@
 """A person who stands quietly under noise: the exact simulation beside Euler–Maruyama steps."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +10,8 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.euler_maruyama import EulerMaruyama
 from benchmarks.row import Row, interleaved, median
-from icmj.case.case import Case, prepare
-from icmj.experiments.many import simulate_many
+from icmj import Case, load_run, prepare, simulate_many
 from icmj.linear.simulator import Simulator
-from icmj.runfile.reading import load_run
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
 from icmj.simulation.settings import Gaussian, start_states
 
@@ -34,9 +30,7 @@ def rows() -> list[Row]:
     settings = case.settings
     x, a = start_states(plant, controller, settings, None, None, None)
     sources = settings.disturbance
-    loop = EulerMaruyama(
-        plant, controller, np.array([of.size for of in sources]), np.array([of.corner for of in sources])
-    )
+    loop = EulerMaruyama(plant, controller, *np.array([(of.size, of.corner) for of in sources]).T)
     prepared = Simulator(plant, controller, settings, INTERVAL)
     w = prepared.loop.state(x, a)
     drawn = tuple(
@@ -68,15 +62,7 @@ def rows() -> list[Row]:
     against = f"largest of the first {known} events' times, against DOP853 under the same noise"
     return [
         Row(GROUP, "icmj", speed["icmj"], "× time", what, FASTER, False),
-        Row(
-            GROUP,
-            "icmj, Gaussian noise",
-            speed["icmj, Gaussian noise"],
-            "× time",
-            "of Euler–Maruyama's law",
-            None,
-            False,
-        ),
+        Row(GROUP, "icmj, Gaussian noise", speed["icmj, Gaussian noise"], "× time", "of Euler–Maruyama's law"),
         Row(GROUP, "Euler–Maruyama", speed["Euler–Maruyama"], "× time", f"steps of {1e3 * STEP:g} ms in numba"),
         Row(GROUP, "icmj / Euler–Maruyama", ratio, "×", f"median of {REPEATS} turns", 1.0),
         Row(GROUP, "the same under Gaussian noise", like, "×", "its noise every 10 ms, theirs every 2 ms", 1.0),
@@ -125,14 +111,8 @@ def _many(case: Case) -> list[Row]:
         taken.append(used.ru_utime + used.ru_stime)
     each = (taken[2] - 2 * taken[1] + taken[0]) / (many - few) / 2
     own, theirs = (getrusage(who).ru_maxrss / 1e6 for who in (RUSAGE_SELF, RUSAGE_CHILDREN))
+    note = f"processor time of each of two processes; {many - few} runs, extrapolated"
     return [
-        Row(
-            GROUP,
-            "10,000 runs with their sway",
-            1e4 * each,
-            "s",
-            f"processor time of each of two processes; {many - few} runs, extrapolated",
-            300,
-        ),
+        Row(GROUP, "10,000 runs with their sway", 1e4 * each, "s", note, 300),
         Row(GROUP, "memory of both processes", 2 * theirs, "GB", f"at most; {own:.2g} GB of the one that asks", 1.0),
     ]

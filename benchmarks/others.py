@@ -4,8 +4,6 @@ All get the loop as a matrix: ż = M z with z = (x, d, e), an event when |R e| r
 returns its last intervals; what is timed is a warm run, after whatever it compiles or builds.
 """
 
-from __future__ import annotations
-
 import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -74,15 +72,8 @@ def scipy_run(task: LinearTask, tolerance: float) -> Callable[[], np.ndarray]:
     def run() -> np.ndarray:
         t, z, times = 0.0, task.z.copy(), [0.0]
         while True:
-            done = solve_ivp(
-                lambda t, z: task.M @ z,
-                (t, task.duration),
-                z,
-                "DOP853",
-                events=event,
-                rtol=tolerance,
-                atol=1e-3 * tolerance,
-            )
+            how = {"events": event, "rtol": tolerance, "atol": 1e-3 * tolerance}
+            done = solve_ivp(lambda t, z: task.M @ z, (t, task.duration), z, "DOP853", **how)
             if done.status != 1:
                 return np.diff(times)[-LAST:]
             t, z = float(done.t[-1]), done.y[:, -1].copy()
@@ -102,12 +93,8 @@ def drake_run(task: LinearTask, tolerance: float) -> Callable[[], np.ndarray]:
             super().__init__()
             self.DeclareContinuousState(len(task.z))
             self.times: list[float] = []
-            self.witness = self.MakeWitnessFunction(
-                "event",
-                WitnessFunctionDirection.kNegativeThenNonNegative,
-                self.level,
-                UnrestrictedUpdateEvent(system_callback=self.reset),
-            )
+            rising, reset = WitnessFunctionDirection.kNegativeThenNonNegative, UnrestrictedUpdateEvent
+            self.witness = self.MakeWitnessFunction("event", rising, self.level, reset(system_callback=self.reset))
 
         def level(self, context: Any) -> float:
             components = task.R @ context.get_continuous_state_vector().CopyToVector()[task.e]

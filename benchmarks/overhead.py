@@ -1,7 +1,5 @@
 """What lies between the engine's stages: of a step that adapts, against those that it calls; of noise, against none."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 
@@ -65,9 +63,7 @@ def _adaptive(tolerance: float) -> list[Row]:
     note = f"tolerance {tolerance:g}, {steps} steps with {passes} stages of {1e6 * stage:.2f} µs, {len(states)} rows"
     return [
         Row("per step", f"adaptive step at {tolerance:g}", step, "µs", note),
-        Row(
-            "per step", f"adaptive step at {tolerance:g} / its stages", ratio, "×", "of the engine, same turns", STAGES
-        ),
+        Row("per step", f"adaptive step at {tolerance:g} / its stages", ratio, "×", "of the engine", STAGES),
     ]
 
 
@@ -80,11 +76,9 @@ def _noisy() -> list[Row]:
         assert case.actual is not None
         loop = close_loop(case.actual, case.controller, case.settings)
         schedule = loop.schedule(case.settings, float(case.settings.timestep or loop.model.opt.timestep))
-        size = loop.block.act.stop - loop.block.act.start
+        a = np.zeros(loop.block.act.stop - loop.block.act.start)
         x = np.eye(1, loop.plant.linearisation.plant.n)[0] * 0.002
-        runs[name] = lambda loop=loop, x=x, size=size, schedule=schedule: loop.run(
-            loop.data(x, np.zeros(size)), schedule
-        )
+        runs[name] = lambda loop=loop, x=x, a=a, schedule=schedule: loop.run(loop.data(x, a), schedule)
     interleaved(runs, 1)
     times = interleaved(runs, MINUTES)
     ratio = median(a / b for a, b in zip(times["noisy"], times["quiet"], strict=True))

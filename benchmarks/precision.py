@@ -1,7 +1,5 @@
 """Work and precision: time of one task against the error of its last intervals and of its last peak."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -60,12 +58,7 @@ def rows() -> list[Row]:
     scipy = ScipyLoop(task)
     times, state = scipy.run(DURATION, "DOP853", 1e-12, 1e-15)
     exact = Exact(np.diff(times)[-LAST:], scipy.peak(state, "DOP853", 1e-12, 1e-15))
-    points = [
-        *_engine(task, exact),
-        *_python(task, exact),
-        *_scipy(scipy, exact),
-        *_naive(task, exact),
-    ]
+    points = [*_engine(task, exact), *_python(task, exact), *_scipy(scipy, exact), *_naive(task, exact)]
     table = []
     for target in (1e-6, 1e-8):
         best = {way: _best(points, way, target) for way in dict.fromkeys(p.way for p in points)}
@@ -87,9 +80,7 @@ def rows() -> list[Row]:
             factor = python.seconds / ours.seconds
             table.append(Row(GROUP, f"Python callbacks / icmj at {target:g} s", factor, "×", "", 6.0, at_most=False))
     table += [
-        Row(
-            GROUP, f"naive Euler, {p.setting}", 1e3 * p.seconds, "ms", f"interval {p.interval:.1e} s, peak {p.peak:.1e}"
-        )
+        Row(GROUP, f"naive Euler, {p.setting}", 1e3 * p.seconds, "ms", f"{p.interval:.1e} s, peak {p.peak:.1e}")
         for p in points
         if p.way == "naive Euler"
     ]
@@ -139,13 +130,8 @@ def _scipy(loop: ScipyLoop, exact: Exact) -> Iterable[Point]:
                 times, state = loop.run(DURATION, method, rtol, atol)
                 peak = loop.peak(state, method, rtol, atol)
                 seconds = least(lambda: loop.run(DURATION, method, rtol, atol), REPEATS)  # noqa: B023 - called at once
-                yield Point(
-                    f"SciPy {method}",
-                    f"rtol {rtol:g}, atol {atol:g}",
-                    seconds,
-                    exact.interval_error(times),
-                    abs(peak - exact.peak),
-                )
+                setting, error = f"rtol {rtol:g}, atol {atol:g}", exact.interval_error(times)
+                yield Point(f"SciPy {method}", setting, seconds, error, abs(peak - exact.peak))
 
 
 def _naive(task: Task, exact: Exact) -> Iterable[Point]:

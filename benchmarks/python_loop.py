@@ -6,8 +6,6 @@ states and outputs, which is as fast as Python gets. (The package's own loop, in
 reading, and slower than both.)
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import mujoco

@@ -1,14 +1,11 @@
 """The other controllers of the one-link person beside the event-driven one: the same body, delay and seconds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
 from benchmarks.row import Row, interleaved, median
-from icmj.case.case import prepare, simulate
-from icmj.runfile.reading import load_run
+from icmj import load_run, prepare, simulate
 
 RUNS = Path(__file__).resolve().parent.parent / "runs" / "rivals"
 GROUP = "rivals"

@@ -1,7 +1,5 @@
 """One line of the benchmark table."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from time import perf_counter

@@ -1,7 +1,5 @@
 """The same closed loop as one would write it with SciPy: ``solve_ivp`` with events, on ``mj_forward``."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 from scipy.integrate import solve_ivp

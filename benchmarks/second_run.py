@@ -9,8 +9,6 @@
 - *modules entered*, *functions entered*: of icmj, apart from what runs as a module is imported.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -75,12 +73,9 @@ def _inside(target: Path, words: Sequence[str]) -> int:
         if code.co_name == "pack" and code.co_filename.endswith("block.py"):
             longest = max(longest, len(way) - 1)
 
-    for of, name in (
-        (mujoco.MjSpec, "compile"),
-        (mujoco.MjModel, "from_xml_path"),
-        (mujoco.MjModel, "from_xml_string"),
-    ):
-        _count_calls(of, name, compiled)
+    _count_calls(mujoco.MjSpec, "compile", compiled)
+    for name in ("from_xml_path", "from_xml_string"):
+        _count_calls(mujoco.MjModel, name, compiled)
     threading.setprofile(note)
     sys.setprofile(note)
     status = main(["run", *words])

@@ -3,8 +3,6 @@
 Times are of the processor, least of several: what a command takes on an idle machine, on any.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import pstats
 import resource

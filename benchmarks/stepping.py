@@ -1,7 +1,5 @@
 """Closed-loop time per step, events and recording decision included, against bare steps of the same plant."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import mujoco
@@ -63,27 +61,20 @@ def rows() -> list[Row]:
     interleaved(runs, 3)
     times = interleaved(runs, REPEATS)
     slow = interleaved({"bare": stepping(bare), "python": in_python(python), "folded": in_python(folded)}, 5)
+
+    def ratio_of(times: dict[str, list[float]], one: str, other: str) -> float:
+        return median(a / b for a, b in zip(times[one], times[other], strict=True))
+
     microseconds = {name: 1e6 * median(values) / STEPS for name, values in times.items()}
-    ratio, like_for_like = (
-        median(a / b for a, b in zip(times["native"], times[name], strict=True)) for name in ("bare", "lean")
-    )
-    ratio_python, ratio_folded = (
-        20 * median(a / b for a, b in zip(slow[name], slow["bare"], strict=True)) for name in ("python", "folded")
-    )
-    group = "per step"
+    ratio, like_for_like = (ratio_of(times, "native", name) for name in ("bare", "lean"))
+    ratio_python, ratio_folded = (20 * ratio_of(slow, name, "bare") for name in ("python", "folded"))
+    group, skips = "per step", "like for like; it skips stages that have nothing to do"
     return [
         Row(group, "bare mj_step(nstep=…)", microseconds["bare"], "µs", "three-link, RK4, median"),
         Row(group, "bare, without visual geoms", microseconds["lean"], "µs", "as the closed loop leaves them out"),
         Row(group, "closed loop", microseconds["native"], "µs", f"{events} events located on the way"),
         Row(group, "closed loop / bare", ratio, "×", f"median of {REPEATS} turns", BOUND),
-        Row(
-            group,
-            "closed loop / bare without visual geoms",
-            like_for_like,
-            "×",
-            "like for like; it skips stages that have nothing to do",
-            BOUND,
-        ),
+        Row(group, "closed loop / bare without visual geoms", like_for_like, "×", skips, BOUND),
         Row(group, "Python callbacks and loop / bare", ratio_python, "×", "equations as in the paper"),
         Row(group, "folded Python callbacks and loop / bare", ratio_folded, "×", "equations multiplied out"),
         *overhead.rows(),

@@ -1,22 +1,15 @@
 """The task that all are timed on: the three-link case at b = 0.9, started on its predicted cycle."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from icmj.controller.controller import Controller
+from icmj import Controller, Deviation, MujocoPlant, Settings, error_system, load_plant, predict
 from icmj.controller.design import design_lq, system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.closed_loop import ComposedLoop, close_loop
-from icmj.engine.deviation import Deviation
-from icmj.engine.plant import MujocoPlant, load_plant
-from icmj.simulation.settings import Settings
-from icmj.theory.error_system import error_system
-from icmj.theory.prediction import predict
 
 MODEL = Path(__file__).resolve().parent.parent / "models" / "three_link.xml"
 Q_T = 1e-2

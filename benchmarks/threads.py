@@ -1,7 +1,5 @@
 """Independent runs on one thread and on two."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -49,17 +47,10 @@ def rows() -> list[Row]:
     limit = efficiency("bare 1", "bare 2")
     note = f"{RUNS} runs of {DURATION:g} s"
     free = "" if limit > 0.95 else "; the machine had not two cores free"
+    pairs = f"median of {REPEATS} pairs{free}"
     return [
         Row("threads", "1 thread", median(times["1"]), "s", note),
         Row("threads", "2 threads", median(times["2"]), "s", note),
         Row("threads", "bare mj_step, efficiency of 2 threads", limit, "", "what the machine gives" + free),
-        Row(
-            "threads",
-            "efficiency of 2 threads",
-            efficiency("1", "2"),
-            "",
-            f"median of {REPEATS} pairs{free}",
-            0.9,
-            at_most=False,
-        ),
+        Row("threads", "efficiency of 2 threads", efficiency("1", "2"), "", pairs, 0.9, at_most=False),
     ]

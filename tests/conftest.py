@@ -1,7 +1,5 @@
 """Shared paths, signals as at a terminal, and the rule that no test leaves a MuJoCo callback behind."""
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import os
@@ -11,8 +9,10 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from terminal_cases import Shell
 
 from icmj.base.process import one_thread
+from icmj.errors import IcmjError
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # as many processes as cores already; before numpy is there
     one_thread()
@@ -31,9 +31,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("icmj", "how long to look for faults, and how far")
     group.addoption("--kills", type=int, default=12, help="signals sent to runs and studies at random moments")
     group.addoption("--mutants", type=int, default=0, help="mutants of each kind; 0: for a fixed time")
-    group.addoption(
-        "--from-nothing", action="store_true", help="install the wheel with all it needs, run the whole study"
-    )
+    group.addoption("--from-nothing", action="store_true", help="install the wheel with all it needs; the whole study")
     group.addoption("--study", type=Path, default=None, help="folder of a study that icmj made; otherwise one is made")
     group.addoption("--all", action="store_true", help="run the long tests, too")
     group.addoption("--seed", type=int, default=None, help="of random faults; one is drawn and printed by default")
@@ -67,6 +65,26 @@ def pytest_collection_finish() -> None:
 def root() -> Path:
     """The checkout: models/, runs/ and so on lie in it."""
     return ROOT
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    """Commands, and what they say."""
+    return Shell(capsys)
+
+
+@pytest.fixture(autouse=True)
+def errors_are_one_line(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Every error of icmj that a test meets, whether it looks for it or not."""
+    longer: list[str] = []
+
+    def note(error: IcmjError, *words: object) -> None:
+        Exception.__init__(error, *words)
+        longer.extend(words for words in [str(error)] if "\n" in words)
+
+    monkeypatch.setattr(IcmjError, "__init__", note)
+    yield
+    assert not longer
 
 
 @pytest.fixture(autouse=True)

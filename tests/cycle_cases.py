@@ -1,17 +1,13 @@
 """Shipped cases, prepared once, for the tests of exact cycles."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import icmj
-from icmj.case.case import Case
+from icmj import Case, follow, load_run
 from icmj.cycle.branch import Branch
-from icmj.cycle.continuation import follow
 from icmj.cycle.return_map import ReturnMap
-from icmj.runfile.reading import load_run
 
 RUNS = Path(__file__).parents[1] / "runs"
 

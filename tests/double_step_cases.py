@@ -2,14 +2,10 @@
 
 import numpy as np
 
-from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, design_lq, system_matched
+from icmj import Controller, Delay, Gaussian, LinearPlant, Series, Settings, design_lq, system_matched
 from icmj.controller.setpoint import StepPairs, setpoint
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
 from icmj.linear.run import simulate
-from icmj.plant.linear_plant import LinearPlant
-from icmj.series.series import Series
-from icmj.simulation.settings import Gaussian, Settings
 
 T_D, D_OL, D_S = 0.14, 0.35, 0.12  # delay, open-loop interval, sampling delay [s]
 PLANTS = {

@@ -5,8 +5,6 @@ eight intervals, with noise; each has pairs and noise of their own. A person is 
 seconds; lines that are there are not computed again, so that the same command goes on where it was interrupted.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import sys
@@ -24,6 +22,7 @@ from icmj.experiments.refractoriness import explain_reactions, refractoriness
 
 DURATIONS = (0.25, 0.35, 0.55, 0.0)  # s; 0: continuous control
 ISI = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0)
+NUMBERS = ("value", "low", "high")
 ESTIMATES = ("free", "fixed", "largest", "range")
 FIELDS = (
     "person",
@@ -41,9 +40,7 @@ def person(number: int, put_in: float) -> dict[str, object]:
     of = cases.controller("event" if put_in else "continuous", pairs, delta=put_in or 1.0, q_t=0.4)
     seen = reconstruct_steps(cases.recorded(of, pairs, interval=0.02, noise=0.2, seed=seed), "joystick", pairs)
     told, found = explain_reactions(pairs.isi, seen.rt, 0.02), refractoriness(pairs.isi, seen.rt, seed=seed)
-    estimates = {
-        f"{name} {of}": getattr(getattr(found, name), of) for name in ESTIMATES for of in ("value", "low", "high")
-    }
+    estimates = {f"{name} {of}": getattr(getattr(found, name), of) for name in ESTIMATES for of in NUMBERS}
     return {"person": number, "put in": put_in, "told": told.kind, "discarded": found.discarded, **estimates}
 
 

@@ -1,19 +1,13 @@
 """The closed loops that the engine's tests run: the published cases on MuJoCo."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from icmj.controller.controller import Controller
+from icmj import Controller, Deviation, EventTrigger, MujocoPlant, Prediction, load_plant, output_weight, predict
 from icmj.controller.design import Design, design_lq, system_matched
-from icmj.controller.trigger import EventTrigger, output_weight
-from icmj.engine.deviation import Deviation
-from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.prediction import Prediction, predict
 
 MODELS = Path(__file__).parents[1] / "models"
 

@@ -1,7 +1,5 @@
 """icmj as a process of its own, to be ended at any moment, and what must hold of what it leaves."""
 
-from __future__ import annotations
-
 import os
 import random
 import re

@@ -3,8 +3,6 @@
 ``--mutants 10000`` puts so many of each kind; ``--kind "run file" --seed 7 --mutants 1`` makes one again.
 """
 
-from __future__ import annotations
-
 import argparse
 import random
 import sys

@@ -38,21 +38,8 @@ LEAN = {"recording": 1.5e9}  # of some kinds
 
 NUMBERS = (
     *("0", "-0.0", "1", "-1", "2", "0.5", "1e-3", "1e3", "1e6", "-1e6", "1e12", "-1e12", "1e15", "1e300", "-1e308"),
-    *(
-        "1e309",
-        "5e-324",
-        "1e-15",
-        "1e-300",
-        "inf",
-        "-inf",
-        "nan",
-        "9" * 25,
-        "9" * 400,
-        "0x10",
-        "1_000",
-        "1e",
-        "2000000000",
-    ),
+    *("1e309", "5e-324", "1e-15", "1e-300", "inf", "-inf", "nan", "9" * 25, "9" * 400),
+    *("0x10", "1_000", "1e", "2000000000"),
 )
 VALUES = (
     *NUMBERS,
@@ -261,9 +248,8 @@ def mutant_series(rng: random.Random, folder: Path) -> list[str]:
     command = ["measure", path.name, *(["--json"] if rng.random() < 0.5 else [])]
     for option, count in (("--rate", 1), ("--since", 1), ("--low-pass", 1), ("--band", 2), ("--columns", 2)):
         if rng.random() < 0.15:
-            values = (
-                (*names, "y") if option == "--columns" else ("0", "0.1", "1", "5", "100", "1e-9", "1e12", "nan", "inf")
-            )
+            numbers = ("0", "0.1", "1", "5", "100", "1e-9", "1e12", "nan", "inf")
+            values = (*names, "y") if option == "--columns" else numbers
             command += [option, *(rng.choice(values) for _ in range(count))]
     return command
 
@@ -316,6 +302,13 @@ def _mutate_arrays(rng: random.Random, arrays: dict[str, Any]) -> None:
     arrays[key] = values
 
 
+ODD = (
+    *(None, 0, -1, 1, 2, 10**9, 10**30, 1.5, float("nan"), float("inf"), "", "x", True, [], {}, [1, 2], "event"),
+    *({"@": "Result"}, {"@": "Popen"}, {"@tuple": [1]}, {"@array": "simulation.t", "dtype": "<f8", "shape": [3]}),
+    *({"@complex": [1]}, {"@run": "x", "path": "y"}, {"@complex": [1, 2]}),
+)
+
+
 def _mutate_tree(rng: random.Random, tree: Any) -> None:
     """Another value, at a random place of a JSON tree."""
     places: list[tuple[Any, Any]] = []
@@ -329,37 +322,7 @@ def _mutate_tree(rng: random.Random, tree: Any) -> None:
     walk(tree)
     holder, key = rng.choice(places)
     other = rng.choice(places)
-    holder[key] = rng.choice(
-        (
-            *(
-                None,
-                0,
-                -1,
-                1,
-                2,
-                10**9,
-                10**30,
-                1.5,
-                float("nan"),
-                float("inf"),
-                "",
-                "x",
-                True,
-                [],
-                {},
-                [1, 2],
-                "event",
-            ),
-            *(
-                {"@": "Result"},
-                {"@": "Popen"},
-                {"@tuple": [1]},
-                {"@array": "simulation.t", "dtype": "<f8", "shape": [3]},
-            ),
-            *({"@complex": [1]}, {"@run": "x", "path": "y"}, {"@complex": [1, 2]}),
-            json.loads(json.dumps(other[0][other[1]])),
-        )
-    )
+    holder[key] = rng.choice((*ODD, json.loads(json.dumps(other[0][other[1]]))))
     if rng.random() < 0.2 and isinstance(holder, dict):
         del holder[key]
 
@@ -553,17 +516,16 @@ class Bench:
 
     def _worked(self) -> float:
         """Seconds that the process has computed, with those that it started."""
-        try:
-            process = psutil.Process(self._process.pid)
-            return sum(sum(one.cpu_times()[:2]) for one in (process, *process.children(recursive=True)))
-        except psutil.NoSuchProcess:
-            return 0.0
+        return self._sum(lambda process: sum(process.cpu_times()[:2]))
 
     def _memory(self) -> float:
         """Bytes that the process holds, with those that it started."""
+        return self._sum(lambda process: process.memory_info().rss)
+
+    def _sum(self, of: Callable[[psutil.Process], float]) -> float:
         try:
             process = psutil.Process(self._process.pid)
-            return sum(one.memory_info().rss for one in (process, *process.children(recursive=True)))
+            return sum(map(of, (process, *process.children(recursive=True))))
         except psutil.NoSuchProcess:
             return 0.0
 

@@ -1,7 +1,5 @@
 """Experiment files made by a grammar: valid TOML, of values that contradict each other or go to extremes."""
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Folders of sweeps, damaged: files cut, replaced, made pipes or links, facts and chunks of other types."""
 
-from __future__ import annotations
-
 import json
 import os
 import random
@@ -17,6 +15,10 @@ from sweep_cases import GRID, sweep_file
 from tampering import reseal
 
 Mutate = Callable[[random.Random, bytes], bytes]
+ODD = (
+    *(None, 0, -1, 10**30, 1e308, float("nan"), "", "x", "\x1b[31m", "[/]"),
+    *([], {}, [[]], [1], ["a", "a"], {"a": []}, True),
+)
 _whole: list[Path] = []
 
 
@@ -26,16 +28,8 @@ def _dataset() -> Path:
 
     if not _whole:
         folder = Path(tempfile.mkdtemp(prefix="icmj-dataset-"))
-        main(
-            [
-                "sweep",
-                str(sweep_file(folder, GRID.format(count=6), chunk=2)),
-                "--out",
-                str(folder / "data"),
-                "--jobs",
-                "1",
-            ]
-        )
+        file = sweep_file(folder, GRID.format(count=6), chunk=2)
+        main(["sweep", str(file), "--out", str(folder / "data"), "--jobs", "1"])
         _whole.append(folder)
     return _whole[0]
 
@@ -46,12 +40,9 @@ def damaged_folder(rng: random.Random, folder: Path, mutate_bytes: Mutate) -> li
     (folder / "kept").write_text("somebody else's\n", encoding="utf-8")
     data = folder / "data"
     for _ in range(rng.choice((1, 1, 2, 3))):
-        places = [
-            data,
-            *(data / name for name in ("sweep.json", "sweep.json", "sweep.json", "points", "timing.csv", ".lock")),
-        ]
-        places += [data / "points" / f"{i:08d}.parquet" for i in range(3)]
-        _damage(rng, rng.choice(places[1:]), folder, mutate_bytes)
+        names = ("sweep.json", "sweep.json", "sweep.json", "points", "timing.csv", ".lock")
+        places = [*names, *(f"points/{i:08d}.parquet" for i in range(3))]
+        _damage(rng, data / rng.choice(places), folder, mutate_bytes)
     with suppress(OSError, UnicodeError):
         if rng.random() < 0.7:  # as whoever changes a file can
             reseal(data)
@@ -73,9 +64,8 @@ def _damage(rng: random.Random, place: Path, folder: Path, mutate_bytes: Mutate)
         place.write_bytes(mutate_bytes(rng, place.read_bytes()))
         return None
     if what == 1 and regular:
-        place.write_bytes(
-            rng.choice((b"", b"\0" * 100, b"[" * 10_000, b"{}", b"[]", b"null", place.read_bytes()[:-20]))
-        )
+        odd = (b"", b"\0" * 100, b"[" * 10_000, b"{}", b"[]", b"null", place.read_bytes()[:-20])
+        place.write_bytes(rng.choice(odd))
         return None
     if what == 2 and place.parent.is_dir():
         other = place.with_name(rng.choice(("x.parquet", "9.parquet", "99999999.parquet", "0.parquet", ".tmp", "ζ")))
@@ -113,27 +103,7 @@ def _other_facts(rng: random.Random, place: Path) -> None:
             if not facts:
                 break
         else:
-            facts[key] = rng.choice(
-                (
-                    None,
-                    0,
-                    -1,
-                    10**30,
-                    1e308,
-                    float("nan"),
-                    "",
-                    "x",
-                    "\x1b[31m",
-                    "[/]",
-                    [],
-                    {},
-                    [[]],
-                    [1],
-                    ["a", "a"],
-                    {"a": []},
-                    True,
-                )
-            )
+            facts[key] = rng.choice(ODD)
     place.write_text(json.dumps(facts), encoding="utf-8")
 
 

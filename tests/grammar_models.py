@@ -3,12 +3,16 @@
 All joints, actuators, sensors, equalities and tendons, masses and springs of any size, odd keyframes, mocap bodies.
 """
 
-from __future__ import annotations
-
 import random
 from pathlib import Path
 
 from grammar_runs import Names, number, positive, run_command, run_tables, toml
+
+FLAGS = """
+contact constraint energy gravity equality limit damper spring actuation eulerdamp warmstart sensor invdiscrete
+multiccd clampctrl sleep frictionloss island override fwdinv filterparent refsafe
+"""
+ENABLED = ("energy", "invdiscrete", "multiccd", "sleep", "override", "fwdinv")
 
 
 def _row(*values: float) -> str:
@@ -40,14 +44,8 @@ class Model:
         return _row(*(number(self.rng, *usual, low=least) for _ in range(count)))
 
     def name(self, kind: str, known: list[str]) -> str:
-        odd = (
-            f"{kind} {len(known)}",
-            f"ζ{kind}{len(known)}",
-            f"{kind}.{len(known)}",
-            f"[{kind}]{len(known)}",
-            f"y{len(known)}",
-        )
-        name = f"{kind}{len(known)}" if self.rng.random() < 0.93 else self.rng.choice(odd)
+        i, odd = len(known), (f"{kind} ", f"ζ{kind}", f"{kind}.", f"[{kind}]", "y")
+        name = f"{kind}{i}" if self.rng.random() < 0.93 else f"{self.rng.choice(odd)}{i}"
         known.append(name)
         return name
 
@@ -67,20 +65,15 @@ class Model:
 
     def joint(self, depth: int) -> str:
         rng = self.rng
-        kind = rng.choices(
-            ("hinge", "slide", "ball", "free", "two", "none"), (8, 2, 1, 1 if depth == 0 else 0, 1, 0.5)
-        )[0]
+        kinds = ("hinge", "slide", "ball", "free", "two", "none")
+        kind = rng.choices(kinds, (8, 2, 1, 1 if depth == 0 else 0, 1, 0.5))[0]
         if kind == "none":
             return ""
         if kind == "free":
             name = self.name("free", self.free)
             self.nq, self.nv = self.nq + 7, self.nv + 6
-            return rng.choice(
-                (
-                    f'<freejoint name="{name}"/>',
-                    f'<joint type="free" name="{name}"{self.some(0.2, damping=lambda: self.any(1.0, least=0))}/>',
-                )
-            )
+            damping = self.some(0.2, damping=lambda: self.any(1.0, least=0))
+            return rng.choice((f'<freejoint name="{name}"/>', f'<joint type="free" name="{name}"{damping}/>'))
         if kind == "ball":
             name = self.name("ball", self.balls)
             self.nq, self.nv = self.nq + 4, self.nv + 3
@@ -92,9 +85,8 @@ class Model:
             self.nq, self.nv = self.nq + 1, self.nv + 1
             axis = rng.choice(("0 1 0", "0 1 0", "0 1 0", "1 0 0", "0 0 1", self.any(1.0, count=3)))
             low, high = -positive(rng, 1.0), positive(rng, 1.0, 2.0)
-            limits = self.some(0.15, range=_row(low, high)) + self.some(
-                0.05, actuatorfrcrange=f"{-abs(high)} {abs(high)}"
-            )
+            limits = self.some(0.15, range=_row(low, high))
+            limits += self.some(0.05, actuatorfrcrange=f"{-abs(high)} {abs(high)}")
             limits += self.some(0.04, limited=lambda: rng.choice(("true", "false", "auto")))
             limits += self.some(0.04, ref=lambda: self.any(0.1), springref=lambda: self.any(0.2))
             text += f'<joint type="{one}" name="{name}" axis="{axis}"{self.passive()}{limits}/>'
@@ -103,22 +95,16 @@ class Model:
     def passive(self) -> str:
         most = 1 if self.rng.random() < 0.9 else 3
         text = self.some(
-            0.3,
-            stiffness=lambda: self.any(1.0, 10.0, count=most),
+            0.3, stiffness=lambda: self.any(1.0, 10.0, count=most),
             damping=lambda: self.any(0.1, 1.0, count=most, least=0),
-        )
+        )  # fmt: skip
         text += self.some(
             0.1, armature=lambda: self.any(0.01, 1.0, least=0), frictionloss=lambda: self.any(0.1, least=0)
         )
         return text + self.some(
-            0.03,
-            springdamper="0.1 1",
-            margin=lambda: self.any(0.01),
-            solreflimit="-100 -1",
-            solimplimit=".9 .9 .1",
-            group="2",
-            pos=lambda: self.any(0.1, count=3),
-        )
+            0.03, springdamper="0.1 1", margin=lambda: self.any(0.01), solreflimit="-100 -1", solimplimit=".9 .9 .1",
+            group="2", pos=lambda: self.any(0.1, count=3),
+        )  # fmt: skip
 
     def inertia(self) -> str:
         rng = self.rng
@@ -128,48 +114,35 @@ class Model:
         tensor = rng.choice((_row(i, i, i), _row(i, i, i / 2), _row(i, i * 1e-3, i), _row(i, i, 1e-12 * i)))
         if rng.random() < 0.1:
             return f'<inertial pos="0 0 0.5" mass="{mass:.6g}" fullinertia="{_row(i, i, i, 0, 0, i / 10)}"/>'
-        return (
-            f'<inertial pos="{self.any(0.0, 0.1, count=2)} {self.any(0.5)}" mass="{mass:.6g}" diaginertia="{tensor}"/>'
-        )
+        place = f"{self.any(0.0, 0.1, count=2)} {self.any(0.5)}"
+        return f'<inertial pos="{place}" mass="{mass:.6g}" diaginertia="{tensor}"/>'
 
     def geom(self, heavy: bool = False) -> str:
         rng = self.rng
         kind, size = rng.choice((("sphere", 1), ("capsule", 2), ("ellipsoid", 3), ("cylinder", 2), ("box", 3)))
         sizes = _row(*(positive(rng, 0.05, 0.1, low=1e-6, high=1e6) for _ in range(size)))
         text = f'<geom name="{self.name("geom", self.geoms)}" type="{kind}" size="{sizes}"'
-        text += (
-            f' mass="{positive(rng, 1.0):.6g}"'
-            if heavy
-            else self.some(0.5, mass="0") + self.some(0.1, density=lambda: self.any(1000.0, least=0))
-        )
+        if heavy:
+            text += f' mass="{positive(rng, 1.0):.6g}"'
+        else:
+            text += self.some(0.5, mass="0") + self.some(0.1, density=lambda: self.any(1000.0, least=0))
         if rng.random() < 0.75:
             text += ' contype="0" conaffinity="0"'
         text += self.some(
-            0.05,
-            condim=lambda: rng.choice("1346"),
-            friction=lambda: self.any(1.0, count=3, least=0),
-            margin="0.01",
-            gap="0.001",
-            solref=lambda: rng.choice(("0.02 1", "-1e5 -1e3", "1e-6 1")),
-            solmix="2",
-            priority="1",
+            0.05, condim=lambda: rng.choice("1346"), friction=lambda: self.any(1.0, count=3, least=0), margin="0.01",
+            gap="0.001", solref=lambda: rng.choice(("0.02 1", "-1e5 -1e3", "1e-6 1")), solmix="2", priority="1",
             fluidshape="ellipsoid",
-        )
+        )  # fmt: skip
         return text + "/>"
 
     def tendon(self) -> str:
         rng, name = self.rng, f"tendon{len(self.tendons)}"
         common = self.some(0.2, stiffness=lambda: self.any(10.0, least=0), damping=lambda: self.any(1.0, least=0))
         common += self.some(
-            0.06,
-            frictionloss=lambda: self.any(0.1, least=0),
-            range="-1 1",
-            springlength=lambda: rng.choice(("0.1", "0.1 0.5")),
-            armature="0.1",
-            actuatorfrcrange="-1 1",
-            margin="0.01",
+            0.06, frictionloss=lambda: self.any(0.1, least=0), range="-1 1",
+            springlength=lambda: rng.choice(("0.1", "0.1 0.5")), armature="0.1", actuatorfrcrange="-1 1", margin="0.01",
             limited="auto",
-        )
+        )  # fmt: skip
         if len(self.sites) > 1 and rng.random() < 0.5:
             path = [f'<site site="{site}"/>' for site in rng.sample(self.sites, 2)]
             round_ = [geom for geom in self.geoms if rng.random() < 0.1][:1]
@@ -199,65 +172,38 @@ class Model:
             ways.append(f'site="{self.sites[0]}" refsite="{self.sites[1]}" gear="1 0 0 0 0 0"')
         if not ways:
             return ""
-        kind, own = rng.choice(
-            (
-                *(("motor", ""),) * 8,
-                (
-                    "position",
-                    f' kp="{self.any(10.0, least=0)}"'
-                    + self.some(0.3, kv=lambda: self.any(1.0, least=0), timeconst=lambda: self.any(0.1, 0.0, least=0)),
-                ),
-                ("position", f' dampratio="{self.any(1.0, least=0)}"'),
-                ("velocity", f' kv="{self.any(1.0, least=0)}"'),
-                ("intvelocity", f' kp="{self.any(10.0, least=0)}" actrange="-1 1"'),
-                ("damper", ' kv="1" ctrlrange="0 1"'),
-                ("cylinder", f' timeconst="{self.any(0.1, 1.0)}" area="{self.any(1.0)}" bias="1 2 3"'),
-                (
-                    "muscle",
-                    self.some(0.9, lengthrange="0.1 1")  # without one MuJoCo looks for it, for half a minute at times
-                    + self.some(
-                        0.3,
-                        timeconst="0.01 0.04",
-                        range="0.75 1.05",
-                        force=lambda: self.any(100.0),
-                        scale=lambda: self.any(200.0),
-                        tausmooth="0.1",
-                    ),
-                ),
-                *(
-                    (
-                        "general",
-                        f' dyntype="{dyn}" dynprm="{self.any(0.1, 10.0, count=2)}"'
-                        + self.some(
-                            0.3,
-                            gaintype=lambda: rng.choice(("fixed", "affine")),
-                            biastype=lambda: rng.choice(("none", "affine")),
-                            gainprm=lambda: self.any(1.0, count=3),
-                            biasprm=lambda: self.any(1.0, -1.0, 0.0, count=3),
-                            actlimited="true",
-                            actrange="-1 1",
-                            actearly="true",
-                        ),
-                    )
-                    for dyn in ("none", "integrator", "filter", "filterexact", 'user" actdim="2', 'user" actdim="3')
-                ),
-            )
-        )
+        servo = {"kv": lambda: self.any(1.0, least=0), "timeconst": lambda: self.any(0.1, 0.0, least=0)}
+        muscle = {
+            "timeconst": "0.01 0.04", "range": "0.75 1.05", "force": lambda: self.any(100.0),
+            "scale": lambda: self.any(200.0), "tausmooth": "0.1",
+        }  # fmt: skip
+        general = {
+            "gaintype": lambda: rng.choice(("fixed", "affine")), "biastype": lambda: rng.choice(("none", "affine")),
+            "gainprm": lambda: self.any(1.0, count=3), "biasprm": lambda: self.any(1.0, -1.0, 0.0, count=3),
+            "actlimited": "true", "actrange": "-1 1", "actearly": "true",
+        }  # fmt: skip
+        length = {"lengthrange": "0.1 1"}  # without one MuJoCo looks for it, for half a minute at times
+        dynamics = ("none", "integrator", "filter", "filterexact", 'user" actdim="2', 'user" actdim="3')
+        kind, own = rng.choice((
+            *(("motor", ""),) * 8,
+            ("position", f' kp="{self.any(10.0, least=0)}"{self.some(0.3, **servo)}'),
+            ("position", f' dampratio="{self.any(1.0, least=0)}"'),
+            ("velocity", f' kv="{self.any(1.0, least=0)}"'),
+            ("intvelocity", f' kp="{self.any(10.0, least=0)}" actrange="-1 1"'),
+            ("damper", ' kv="1" ctrlrange="0 1"'),
+            ("cylinder", f' timeconst="{self.any(0.1, 1.0)}" area="{self.any(1.0)}" bias="1 2 3"'),
+            ("muscle", self.some(0.9, **length) + self.some(0.3, **muscle)),
+            *(
+                ("general", f' dyntype="{dyn}" dynprm="{self.any(0.1, 10.0, count=2)}"{self.some(0.3, **general)}')
+                for dyn in dynamics
+            ),
+        ))  # fmt: skip
         if "actrange" not in own:
             own = own.replace(' actlimited="true"', "")
-        both = (
-            self.some(
-                0.06,
-                ctrlrange="-1 1" if "ctrlrange" not in own else "0 1",
-                forcerange=lambda: f"{-positive(rng, 1.0):.6g} 1",
-                delay="0.05",
-                nsample="8",
-                group="1",
-                ctrllimited="false",
-            )
-            if "ctrlrange" not in own
-            else ""
-        )
+        both = "" if "ctrlrange" in own else self.some(
+            0.06, ctrlrange="-1 1", forcerange=lambda: f"{-positive(rng, 1.0):.6g} 1", delay="0.05", nsample="8",
+            group="1", ctrllimited="false",
+        )  # fmt: skip
         if "delay" in both and "nsample" not in both:
             both += ' nsample="60"'
         if kind == "muscle":
@@ -268,43 +214,21 @@ class Model:
 
     def sensor(self) -> str:
         rng = self.rng
-        kinds = [(kind, f'joint="{joint}"') for joint in self.joints for kind in ("jointpos", "jointpos", "jointvel")]
-        kinds += [
-            (kind, f'joint="{joint}"')
-            for joint in self.joints[:1]
-            for kind in ("jointactuatorfrc", "jointactuatorfrc", "jointlimitfrc")
-        ]
-        kinds += [(kind, f'joint="{joint}"') for joint in self.balls for kind in ("ballquat", "ballangvel")]
-        kinds += [
-            (kind, f'tendon="{tendon}"')
-            for tendon in self.tendons
-            for kind in ("tendonpos", "tendonvel", "tendonactuatorfrc")
-        ]
-        kinds += [
-            (kind, f'actuator="{actuator}"')
-            for actuator in self.actuators[:2]
-            for kind in ("actuatorpos", "actuatorvel", "actuatorfrc")
-        ]
-        kinds += [
-            (kind, f'site="{site}"')
-            for site in self.sites[:2]
-            for kind in (
-                "gyro",
-                "accelerometer",
-                "velocimeter",
-                "force",
-                "torque",
-                "touch",
-                "magnetometer",
-                "rangefinder",
-            )
-        ]
+        of_site = "gyro accelerometer velocimeter force torque touch magnetometer rangefinder"
+        frames = ("pos", "quat", "xaxis", "linvel", "angvel", "linacc", "angacc")
+        kinds: list[tuple[str, str]] = []
+        for names, what, sensors in (
+            (self.joints, "joint", "jointpos jointpos jointvel"),
+            (self.joints[:1], "joint", "jointactuatorfrc jointactuatorfrc jointlimitfrc"),
+            (self.balls, "joint", "ballquat ballangvel"),
+            (self.tendons, "tendon", "tendonpos tendonvel tendonactuatorfrc"),
+            (self.actuators[:2], "actuator", "actuatorpos actuatorvel actuatorfrc"),
+            (self.sites[:2], "site", of_site),
+        ):
+            kinds += [(kind, f'{what}="{name}"') for name in names for kind in sensors.split()]
         for body in self.bodies[:3]:
             kinds += [(kind, f'body="{body}"') for kind in ("subtreecom", "subtreelinvel", "subtreeangmom")]
-            kinds += [
-                (f"frame{what}", f'objtype="body" objname="{body}"')
-                for what in ("pos", "quat", "xaxis", "linvel", "angvel", "linacc", "angacc")
-            ]
+            kinds += [(f"frame{what}", f'objtype="body" objname="{body}"') for what in frames]
         kinds += [("clock", ""), ("e_kinetic", ""), ("e_potential", ""), ("user", 'dim="2"')]
         kind, of = rng.choice(kinds)
         more = self.some(
@@ -326,9 +250,8 @@ class Model:
         found.append(f'<connect body1="{self.bodies[-1]}" anchor="{self.any(0.1, 0.0, count=3)}"{{}}/>')
         if self.tendons:
             found.append(f'<tendon tendon1="{self.tendons[0]}"{{}}/>')
-        return rng.choice(found).format(
-            self.some(0.2, active="false", solref=lambda: rng.choice(("0.02 1", "-1e4 -10", "1e-5 1")))
-        )
+        more = {"active": "false", "solref": lambda: rng.choice(("0.02 1", "-1e4 -10", "1e-5 1"))}
+        return rng.choice(found).format(self.some(0.2, **more))
 
     def keyframe(self, name: str) -> str:
         rng = self.rng
@@ -338,60 +261,26 @@ class Model:
         rows += self.some(0.2, ctrl=lambda: self.any(0.0, 1.0, count=len(self.actuators))) if self.actuators else ""
         if self.nmocap:
             rows += self.some(
-                0.4,
-                mpos=lambda: self.any(0.0, 1.0, count=3 * self.nmocap),
+                0.4, mpos=lambda: self.any(0.0, 1.0, count=3 * self.nmocap),
                 mquat=lambda: self.any(1.0, 0.0, count=4 * self.nmocap),
-            )
+            )  # fmt: skip
         return f'<key name="{name}"{rows}{self.some(0.1, time=lambda: self.any(1.0))}/>'
 
     def option(self) -> str:
         rng = self.rng
-        flags = self.some(
-            0.08,
-            contact="disable",
-            constraint="disable",
-            energy="enable",
-            gravity="disable",
-            equality="disable",
-            limit="disable",
-            damper="disable",
-            spring="disable",
-            actuation="disable",
-            eulerdamp="disable",
-            warmstart="disable",
-            sensor="disable",
-            invdiscrete="enable",
-            multiccd="enable",
-            clampctrl="disable",
-            sleep="enable",
-            frictionloss="disable",
-            island="disable",
-            override="enable",
-            fwdinv="enable",
-            filterparent="disable",
-            refsafe="disable",
-        )
+        flags = self.some(0.08, **{flag: "enable" if flag in ENABLED else "disable" for flag in FLAGS.split()})
         more = self.some(
-            0.2,
-            integrator=lambda: rng.choice(("Euler", "RK4", "implicit", "implicitfast")),
+            0.2, integrator=lambda: rng.choice(("Euler", "RK4", "implicit", "implicitfast")),
             timestep=lambda: self.any(0.002, 0.001, least=1e-15),
-        )
+        )  # fmt: skip
         more += self.some(
-            0.05,
-            wind=lambda: self.any(0.0, 1.0, count=3),
-            density=lambda: self.any(1.2, 1000.0, least=0),
-            viscosity=lambda: self.any(1e-5, 1.0, least=0),
-            cone="elliptic",
-            solver=lambda: rng.choice(("PGS", "CG", "Newton")),
-            iterations=lambda: rng.choice(("0", "1", "100")),
-            jacobian=lambda: rng.choice(("dense", "sparse")),
-            impratio="100",
-            tolerance="0",
-            noslip_iterations="3",
-        )
-        gravity = rng.choice(
-            ("0 0 -9.81", "0 0 -9.81", "0 0 -1", "0 0 0", f"0 0 {self.any(9.81)}", self.any(1.0, count=3))
-        )
+            0.05, wind=lambda: self.any(0.0, 1.0, count=3), density=lambda: self.any(1.2, 1000.0, least=0),
+            viscosity=lambda: self.any(1e-5, 1.0, least=0), cone="elliptic",
+            solver=lambda: rng.choice(("PGS", "CG", "Newton")), iterations=lambda: rng.choice(("0", "1", "100")),
+            jacobian=lambda: rng.choice(("dense", "sparse")), impratio="100", tolerance="0", noslip_iterations="3",
+        )  # fmt: skip
+        usual = ("0 0 -9.81", "0 0 -9.81", "0 0 -1", "0 0 0")
+        gravity = rng.choice((*usual, f"0 0 {self.any(9.81)}", self.any(1.0, count=3)))
         return f'<option gravity="{gravity}"{more}><flag{flags}/></option>'
 
     def text(self) -> str:
@@ -410,34 +299,18 @@ class Model:
         sensors = "".join(self.sensor() for _ in range(rng.choice((0, 1, 1, 2, 3))))
         equality = "".join(self.equality() for _ in range(rng.choice((0, 0, 0, 0, 0, 1, 2))))
         keys = "".join(self.keyframe(f"key{i}") for i in range(rng.choice((0, 1, 1, 2))))
-        contact = (
-            f'<contact><exclude body1="{self.bodies[0]}" body2="{self.bodies[-1]}"/></contact>'
-            if len(self.bodies) > 1 and rng.random() < 0.1
-            else ""
-        )
-        compiler = (
-            '<compiler angle="radian"'
-            + self.some(
-                0.05,
-                autolimits="false",
-                balanceinertia="true",
-                boundmass="0.01",
-                boundinertia="1e-4",
-                settotalmass="80",
-                fusestatic="true",
-                discardvisual="true",
-                inertiafromgeom="true",
-                eulerseq="zyx",
-            )
-            + "/>"
-        )
-        custom = (
-            '<custom><numeric name="n" data="1 2"/><text name="t" data="a"/></custom>' if rng.random() < 0.05 else ""
-        )
+        contact = ""
+        if len(self.bodies) > 1 and rng.random() < 0.1:
+            contact = f'<contact><exclude body1="{self.bodies[0]}" body2="{self.bodies[-1]}"/></contact>'
+        given = self.some(
+            0.05, autolimits="false", balanceinertia="true", boundmass="0.01", boundinertia="1e-4", settotalmass="80",
+            fusestatic="true", discardvisual="true", inertiafromgeom="true", eulerseq="zyx",
+        )  # fmt: skip
+        custom = '<custom><numeric name="n" data="1 2"/><text name="t" data="a"/></custom>' * (rng.random() < 0.05)
         name = rng.choice(("m", "ζ", "a b", "[red]x[/]"))
         return (
-            f'<mujoco model="{name}">{compiler}{self.option()}{custom}<worldbody>{world}</worldbody>{contact}'
-            f"<tendon>{tendons}</tendon><actuator>{actuators}</actuator><sensor>{sensors}</sensor>"
+            f'<mujoco model="{name}"><compiler angle="radian"{given}/>{self.option()}{custom}'
+            f"<worldbody>{world}</worldbody>{contact}<tendon>{tendons}</tendon><actuator>{actuators}</actuator><sensor>{sensors}</sensor>"
             f"<equality>{equality}</equality><keyframe>{keys}</keyframe></mujoco>"
         )
 
@@ -451,25 +324,16 @@ def grammar_model(rng: random.Random, folder: Path) -> list[str]:
     what = rng.random()
     if what < 0.4:
         options = (
-            ["--json"],
-            ["--full"],
-            ["--outputs", "joints"],
+            ["--json"], ["--full"], ["--outputs", "joints"],
             ["--operating-point", rng.choice(("balance", "static control", "as given"))],
-            ["--out", "out.npz"],
-            ["--keyframe", "key0"],
-        )
+            ["--out", "out.npz"], ["--keyframe", "key0"],
+        )  # fmt: skip
         return ["linearise", "model.xml", *(word for option in options if rng.random() < 0.25 for word in option)]
     if what < 0.6:
         return ["new", "model.xml", "--out", "out.toml"]
     joints = [*model.joints, *model.balls, *model.free]
-    names = Names(
-        {"model": "model.xml"},
-        joints or ["none"],
-        model.actuators or ["none"],
-        model.sensors or ["none"],
-        model.bodies,
-        keys,
-    )
+    there = (found or ["none"] for found in (joints, model.actuators, model.sensors))
+    names = Names({"model": "model.xml"}, *there, model.bodies, keys)
     tables = run_tables(rng, names)
     if rng.random() < 0.7:  # but for the model, nothing strange
         tables["assumed"] = {"model": "model.xml", "outputs": rng.choice(("joints", model.sensors[:1] or "joints"))}

@@ -3,8 +3,6 @@
 A fit begins with reading; a family that is not there ends the command after that, before anything is simulated.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 import random

@@ -1,7 +1,5 @@
 """Run files and sweep files made by a grammar: valid TOML, of values that contradict each other or go to extremes."""
 
-from __future__ import annotations
-
 import json
 import random
 from collections.abc import Callable, Sequence
@@ -75,9 +73,8 @@ def by_matrices(rng: random.Random) -> Names:
         if rng.random() < 0.4:
             names[key] = source[key] = [rng.choice((f"{key[0]} {i}", f"ζ{i}", f"y{i}", f"a.{i}")) for i in range(count)]
     if rng.random() < 0.2:
-        source["units"] = {
-            rng.choice([*names["states"], *names["outputs"]]): rng.choice(("rad", "deg", "m", "%", "µV"))
-        }
+        units = rng.choice([*names["states"], *names["outputs"]]), rng.choice(("rad", "deg", "m", "%", "µV"))
+        source["units"] = dict([units])
     return Names(source, names["states"], names["inputs"], names["outputs"], n=n)
 
 
@@ -168,9 +165,8 @@ def _actual(rng: random.Random, names: Names) -> dict[str, Any]:
     several = rng.random() < 0.2
     gain = lambda: number(rng, 0.8, 0.9, 1.1, 1.2, 1.7)  # noqa: E731
     found: dict[str, Any] = {"gain": [gain() for _ in names.inputs] if several else gain()}
-    found |= _some(
-        rng, 0.1, {"rho": lambda: number(rng, 1.0, 0.5, 0.0), "delay": lambda: positive(rng, 0.1, 0.02, low=0.0)}
-    )
+    more = {"rho": lambda: number(rng, 1.0, 0.5, 0.0), "delay": lambda: positive(rng, 0.1, 0.02, low=0.0)}
+    found |= _some(rng, 0.1, more)
     found |= _some(rng, 0.12, {"activation": lambda: _activation(rng, names)})
     if "A" in names.source:
         if rng.random() < 0.2:
@@ -217,14 +213,11 @@ def _design(rng: random.Random, names: Names, n: int) -> dict[str, Any]:
     found = {"R_c": positive(rng, 0.1, 1.0, 5e-7), "R_o": positive(rng, 0.01, 1.0, 2e-7)}
     if several:
         found["R_c"] = [positive(rng, 0.1, 1.0) for _ in names.inputs]
-    found |= _some(
-        rng,
-        0.15,
-        {
-            "Q_c": lambda: rng.choice(("output", "identity", _weight(rng, n))),
-            "Q_o": lambda: rng.choice(("input", "identity", _weight(rng, n))),
-        },
-    )
+    weights = {
+        key: lambda usual=usual: rng.choice((usual, "identity", _weight(rng, n)))
+        for key, usual in (("Q_c", "output"), ("Q_o", "input"))
+    }
+    found |= _some(rng, 0.15, weights)
     if rng.random() < 0.06:
         found = {"k": [[number(rng, 1.0, 5.0) for _ in range(n)] for _ in names.inputs]}
         if rng.random() < 0.5:
@@ -272,24 +265,18 @@ def _controller(rng: random.Random, names: Names, n: int) -> dict[str, Any]:
 def _simulation(rng: random.Random, names: Names) -> dict[str, Any]:
     duration = positive(rng, 1.0, 0.1, 5.0, 0.001, low=1e-6, high=1e9)
     found: dict[str, Any] = {"duration": duration}
-    found |= _some(
-        rng,
-        0.3,
-        {
-            "initial": lambda: {name: number(rng, 0.02, 0.1) for name in _order(rng, names.states)},
-            "record_interval": lambda: positive(rng, 0.01, duration / 100, duration, low=1e-6 * duration),
-            "limit": lambda: positive(rng, 1.0, 0.1),
-            "disturbance": lambda: [_source(rng, names, duration) for _ in range(rng.choice((1, 1, 2, 4, 20)))],
-        },
-    )
-    found |= _some(
-        rng,
-        0.06,
-        {
-            "observer": lambda: {rng.choice(names.states): number(rng, 0.02)},
-            "integrator": lambda: rng.choice(("RK4", "Euler", "implicit", "implicitfast", "discrete")),
-        },
-    )
+    often = {
+        "initial": lambda: {name: number(rng, 0.02, 0.1) for name in _order(rng, names.states)},
+        "record_interval": lambda: positive(rng, 0.01, duration / 100, duration, low=1e-6 * duration),
+        "limit": lambda: positive(rng, 1.0, 0.1),
+        "disturbance": lambda: [_source(rng, names, duration) for _ in range(rng.choice((1, 1, 2, 4, 20)))],
+    }
+    seldom = {
+        "observer": lambda: {rng.choice(names.states): number(rng, 0.02)},
+        "integrator": lambda: rng.choice(("RK4", "Euler", "implicit", "implicitfast", "discrete")),
+    }
+    found |= _some(rng, 0.3, often)
+    found |= _some(rng, 0.06, seldom)
     found.setdefault("initial", {names.states[0]: 0.02})
     if duration > 1e4:
         found.setdefault("record_interval", duration / rng.choice((1e2, 1e5, 1.9e6)))
@@ -303,23 +290,8 @@ def _simulation(rng: random.Random, names: Names) -> dict[str, Any]:
 def _source(rng: random.Random, names: Names, duration: float) -> dict[str, Any]:
     start = positive(rng, duration / 2, duration / 10, low=0.0)
     base = {"size": number(rng, 0.1, 1.0), **({"start": start} if rng.random() < 0.5 else {})}
-    kind = rng.choice(
-        [
-            "impulse",
-            "step",
-            "noise",
-            "bias",
-            "noise",
-            "gaussian",
-            "sinusoids",
-            "sines",
-            "ternary",
-            "os:system",
-            "ramp",
-            "sampled",
-            "file",
-        ]
-    )
+    kinds = "impulse step noise bias noise gaussian sinusoids sines ternary os:system ramp sampled file"
+    kind = rng.choice(kinds.split())
     on_input = kind in ("impulse", "step") or (kind != "bias" and rng.random() < 0.5)
     port = {"input": rng.choice(list(names.inputs))} if on_input else {"output": rng.choice(list(names.outputs))}
     if kind == "sinusoids":
@@ -434,29 +406,12 @@ def run_command(rng: random.Random, names: Names) -> list[str]:
     if command == "analyse":
         return [command, "case.toml", *rng.choice(([], ["--json"]))]
     if command == "cycle":
-        return [
-            command,
-            "case.toml",
-            *more,
-            *rng.choice(([], ["--json"])),
-            *rng.choice(([], ["--start", "simulation"])),
-        ]
+        how = (*rng.choice(([], ["--json"])), *rng.choice(([], ["--start", "simulation"])))
+        return [command, "case.toml", *more, *how]
     if command == "continue":
-        of = rng.choice(
-            ("b", "q_t", "delay", "rho", "delta_min", "simulation.timestep", f"mass:{[*names.bodies, 'x'][0]}")
-        )
-        of_to = ["--parameter", of, "--to", str(number(rng, 0.7, 1.3, 0.1))]
-        return [
-            command,
-            "case.toml",
-            *of_to,
-            "--points",
-            "5",
-            "--plant",
-            rng.choice(("linear", "mujoco")),
-            "--out",
-            "out",
-        ]
+        of = ("b", "q_t", "delay", "rho", "delta_min", "simulation.timestep", f"mass:{[*names.bodies, 'x'][0]}")
+        of_to = ["--parameter", rng.choice(of), "--to", str(number(rng, 0.7, 1.3, 0.1)), "--points", "5"]
+        return [command, "case.toml", *of_to, "--plant", rng.choice(("linear", "mujoco")), "--out", "out"]
     return [command, "case.toml", *more, "--out", "out", *(["--jobs", "1"] if command == "study" else [])]
 
 
@@ -483,20 +438,15 @@ def grammar_sweep(rng: random.Random, folder: Path) -> list[str]:
         sweep["method"] = rng.choice(("random", "sobol"))
         sweep["seed"] = rng.choice((0, 2**63 - 1))
     sweep |= _some(rng, 0.3, {"chunk": lambda: rng.choice((1, 3, 100_000)), "title": lambda: "ζ [/]"})
-    ask = _some(
-        rng,
-        0.25,
-        {
-            "motion": lambda: rng.choice((["linear"], ["mujoco"], ["linear", "mujoco"], ["linear", "linear"], [])),
-            "cycle": lambda: rng.choice((["linear"], ["mujoco"])),
-            "attractors": lambda: rng.choice((1, 3)),
-        },
-    )
-    whole = {"sweep": sweep, "vary": vary, "ask": ask}
+    ask = {
+        "motion": lambda: rng.choice((["linear"], ["mujoco"], ["linear", "mujoco"], ["linear", "linear"], [])),
+        "cycle": lambda: rng.choice((["linear"], ["mujoco"])),
+        "attractors": lambda: rng.choice((1, 3)),
+    }
+    whole = {"sweep": sweep, "vary": vary, "ask": _some(rng, 0.25, ask)}
     if rng.random() < 0.2:
-        whole["set"] = {
-            rng.choice(("simulation", "controller")): {rng.choice(("duration", "delta_min")): number(rng, 0.1)}
-        }
+        table = rng.choice(("simulation", "controller"))
+        whole["set"] = {table: {rng.choice(("duration", "delta_min")): number(rng, 0.1)}}
     (folder / "sweep.toml").write_text(toml(whole), encoding="utf-8")
     return ["sweep", "sweep.toml", *(["--dry-run"] if dry else ["--jobs", "1"]), "--out", "out"]
 
@@ -519,13 +469,11 @@ def _vary(rng: random.Random, names: Names, dry: bool, index: int) -> dict[str, 
     field, usual = rng.choice(list(simple.items()))
     found: dict[str, Any] = {"field": field if rng.random() < 0.9 else [field, rng.choice(list(simple))]}
     if names.bodies and rng.random() < 0.15:
-        found = {
-            "change": {"what": "mass", "of": rng.choice(list(names.bodies)), "by": rng.choice(("factor", "value"))}
-        }
+        of = rng.choice(list(names.bodies))
+        found = {"change": {"what": "mass", "of": of, "by": rng.choice(("factor", "value"))}}
     if rng.random() < 0.6:
-        found["name"] = rng.choice(
-            (f"p{index}", f"p{index}", f"p{index}", "point", "status", "words", "predicted_delta_crit", "b")
-        )
+        odd = ("point", "status", "words", "predicted_delta_crit", "b")
+        found["name"] = rng.choice((*[f"p{index}"] * 3, *odd))
     if rng.random() < 0.4:
         odd = ("output", "system-matched", True, [0.5], [0.8, 0.9], "", {"a": 1}, "nan")
         found["values"] = [rng.choice((number(rng, *usual), number(rng, *usual), rng.choice(odd))) for _ in range(3)]

@@ -1,7 +1,5 @@
 """Five controllers of users (examples/hybrid) on the one-link person, and any controller by its realisation alone."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from collections.abc import Mapping
@@ -142,9 +140,7 @@ class Ramp(Own):
 RAMPS: dict[str, tuple[dict[str, float], list[float]]] = {
     "an action where the rule is reached": ({"delay": 1.0}, [1.5, 3.0, 4.5, 6.0]),
     "no delay, and an event at the end": ({}, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
-    "a rule that is beyond when its least time ends": (
-        {"wait": 0.25, "keep": 1.0}, [1 + 0.25 * k for k in range(21)],
-    ),
+    "a rule beyond when its least time ends": ({"wait": 0.25, "keep": 1.0}, [1 + 0.25 * k for k in range(21)]),
     "an action at a quarter, from the start on": (
         {"delay": 0.25, "wait": 0.25, "keep": 1.0}, [1.125 + 0.625 * k for k in range(8)],
     ),

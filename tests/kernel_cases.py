@@ -1,7 +1,5 @@
 """Processes that compute as other processors do: OpenBLAS with other kernels, other numbers of threads."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -6,12 +6,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from icmj.controller.controller import Controller
-from icmj.controller.design import Design, design_lq, system_matched, zero_order
+from icmj import Controller, Design, LinearPlant, Settings, design_lq, system_matched, zero_order
 from icmj.controller.trigger import Continuous, EventTrigger, as_weight
-from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.run_tables import SimulationTable
-from icmj.simulation.settings import Settings
 
 PENDULUM = LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]], ("hinge", "hinge_rate"), ("torque",), ("angle",))
 
@@ -41,9 +38,8 @@ def driven() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def neglected(zeta: float) -> LinearPlant:
     """The pendulum behind ω_n²/(s² + 2ζω_n s + ω_n²), ω_n = 10 rad/s."""
     A = [[0, 1, 0, 0], [1, 0, 1, 0], [0, 0, 0, 1], [0, 0, -100, -20 * zeta]]
-    return LinearPlant(
-        A, [[0], [0], [0], [100]], [[1, 0, 0, 0]], ("hinge", "hinge_rate", "torque", "torque_d"), ("torque",)
-    )
+    names = ("hinge", "hinge_rate", "torque", "torque_d")
+    return LinearPlant(A, [[0], [0], [0], [100]], [[1, 0, 0, 0]], names, ("torque",))
 
 
 def event_controller(design, *, Q_t="output", q_t=0.01, delta_min=0.01, hold="system-matched") -> Controller:
@@ -80,13 +76,11 @@ def random_loop(seed: int, n: int, n_hat: int, n_u: int, n_y: int) -> tuple[Line
 def loop_matrix(plant: LinearPlant, controller: Controller) -> np.ndarray:
     """ẋ of the closed loop in the original coordinates (x, x_o, x_h), written down from the paper's equations."""
     d, P = controller.design, controller.design.plant
-    return np.block(
-        [
-            [plant.A, np.zeros((plant.n, P.n)), -plant.B @ d.k],
-            [d.L @ plant.C, P.A - d.L @ P.C, -P.B @ d.k],
-            [np.zeros((P.n, plant.n)), np.zeros((P.n, P.n)), controller.hold.A_h],
-        ]
-    )
+    return np.block([
+        [plant.A, np.zeros((plant.n, P.n)), -plant.B @ d.k],
+        [d.L @ plant.C, P.A - d.L @ P.C, -P.B @ d.k],
+        [np.zeros((P.n, plant.n)), np.zeros((P.n, P.n)), controller.hold.A_h],
+    ])  # fmt: skip
 
 
 def ivp_events(plant, controller, duration, x, x_o, torque=None, max_step=0.02, reading=None):

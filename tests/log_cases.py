@@ -1,7 +1,5 @@
 """Small results to write logs from: made here with matrix exponentials, not with the simulators of the package."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -11,24 +9,18 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
+from icmj import Controller, Deviation, LinearPlant, MujocoPlant, Prediction, RunFile, load_plant, parse_run
 from icmj.case.result import AmplitudeLaw, Growth, Result
-from icmj.controller.controller import Controller
 from icmj.controller.design import Design, design_lq, system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.linearisation import linearise
-from icmj.engine.model import Deviation
-from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.pose import scene
 from icmj.measurement.measurement import Measurement
-from icmj.plant.linear_plant import LinearPlant
-from icmj.runfile.reading import parse_run
-from icmj.runfile.schema import RunFile
 from icmj.simulation.ending import Outcome
 from icmj.simulation.simulation import Events, Pressure, Simulation
 from icmj.theory.crossings import Crossing
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.orbit import Orbit
-from icmj.theory.prediction import Prediction
 
 MODELS = Path(__file__).parent.parent / "models"
 TEXT = """# a comment with ζ, kept
@@ -167,18 +159,9 @@ def made_up(
     run = parse_run(TEXT.format(model=model, q_t=q_t), "runs/made-up.toml")
     amplitude = np.abs(simulation.y[len(simulation.t) // 2 :]).max(axis=0)
     interval = float(simulation.events.interval[-1]) if len(simulation.events) else None
-    measured = Measurement(
-        *(
-            "cycle" if interval else "no events",
-            1,
-            False,
-            interval,
-            simulation.events.interval[-1:],
-            interval,
-            amplitude,
-        ),
-        *(1e-9, "It settled on a cycle."),
-    )
+    kind, intervals = "cycle" if interval else "no events", simulation.events.interval[-1:]
+    motion = (kind, 1, False, interval, intervals, interval, amplitude)
+    measured = Measurement(*motion, 1e-9, "It settled on a cycle.")
     result = Result(
         run,
         assumed,

@@ -1,7 +1,5 @@
 """Small MJCF models that a user could bring, as text, each with one property that is easily got wrong."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 

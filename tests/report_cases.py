@@ -4,24 +4,18 @@ A result "of MuJoCo" is the linear run under that name with a stated small depar
 the engine; the report cannot tell.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
+from icmj import Controller, Design, design_lq, error_system, measure, parse_run, predict, system_matched
 from icmj.case.result import AmplitudeLaw, Growth, Result
-from icmj.controller.controller import Controller
-from icmj.controller.design import Design, design_lq, system_matched
 from icmj.controller.trigger import Continuous, EventTrigger, output_weight
 from icmj.linear.run import simulate
-from icmj.measurement.measurement import measure
 from icmj.plant.linear_plant import LinearPlant, transformation
-from icmj.runfile.reading import parse_run
-from icmj.theory.error_system import error_system
-from icmj.theory.prediction import predict
+from icmj.simulation.simulation import Pressure
 
 MODELS = Path(__file__).parents[1] / "models"
 NAMES = {"states": ("hinge", "hinge_rate"), "inputs": ("torque",), "outputs": ("angle",), "output_units": ("rad",)}
@@ -105,6 +99,14 @@ def result(name: str, plant: str = "linear") -> Result:
         measurement=departed,
         law=AmplitudeLaw(q_t, 2.3 * q_t**2, -1.4 * q_t**2, 2.0, 2.0) if name == "three-link" else None,
     )
+
+
+def swaying(found: Result) -> Result:
+    """The same as of who stands on a floor, with a centre of pressure that sways by 4 mm."""
+    t = found.simulation.t
+    centre, none = np.column_stack([0.004 * np.sin(t), 0 * t]), np.zeros(0)
+    sides = (np.zeros((len(t), 0)), none, none, np.zeros((0, 2)), np.zeros((0, 0)))
+    return replace(found, simulation=replace(found.simulation, pressure=Pressure(t, centre, np.zeros(2), (), *sides)))
 
 
 def everything() -> list[Result]:

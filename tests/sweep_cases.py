@@ -1,8 +1,8 @@
 """Sweeps for tests: small ones of the pendulum, and their rows."""
 
-from __future__ import annotations
-
 from pathlib import Path
+
+from icmj.study.plan import Plan
 
 ROOT = Path(__file__).resolve().parent.parent
 PENDULUM = ROOT / "runs" / "simple-0.8.toml"
@@ -22,9 +22,7 @@ values = [0.01, 0.001]
 """
 
 
-def sweep_file(
-    folder: Path, vary: str, *, ask: str = "", chunk: int = 7, more: str = "", name: str = "sweep.toml"
-) -> Path:
+def sweep_file(folder: Path, vary: str, *, ask="", chunk=7, more="", name="sweep.toml") -> Path:
     """A sweep file of the pendulum in ``folder``."""
     path = folder / name
     head = f'[sweep]\nname = "test"\nrun = "{PENDULUM}"\nchunk = {chunk}\n{more}\n'
@@ -35,3 +33,10 @@ def sweep_file(
 def contents(folder: Path) -> dict[str, bytes]:
     """Every file of the dataset, byte for byte."""
     return {path.name: path.read_bytes() for path in sorted((folder / "points").iterdir())}
+
+
+def computed(plan: Plan) -> dict[str, bytes]:
+    """What all chunks of a sweep must hold, computed here, by the names of their files."""
+    from icmj.study.chunk import compute
+
+    return {f"{i:08d}.parquet": compute(plan, plan.range(i)).content for i in range(plan.chunks)}

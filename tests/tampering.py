@@ -5,8 +5,6 @@ gigabytes, by other types and shapes, most of them also with digests that fit. A
 one line with status 2, or finds the same numbers as before; it never waits, and never takes much memory.
 """
 
-from __future__ import annotations
-
 import argparse
 import functools
 import hashlib
@@ -357,9 +355,8 @@ def cases(subject: Subject, most_inside: int, seed: int) -> Iterator[tuple[str, 
     """File, what is done to it, how, and whether its digest is made to fit: one file of each kind, all its changes."""
     kinds: dict[str, str] = {}
     for name in subject.files:
-        kinds.setdefault(
-            re.sub(r"(?<=[/-])[\da-f.-]+(?=[./])|-[\da-f]{16}|predictor|event|check|bank-", "", name), name
-        )
+        of_one = r"(?<=[/-])[\da-f.-]+(?=[./])|-[\da-f]{16}|predictor|event|check|bank-"
+        kinds.setdefault(re.sub(of_one, "", name), name)
     for name in kinds.values():
         for what, change in REPLACED.items():
             yield name, what, change, False

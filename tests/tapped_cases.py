@@ -1,7 +1,5 @@
 """Controllers that read delayed outputs, and the body of Asai et al. (2009) that they hold upright."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -11,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from icmj.controller.controller import Law
-from icmj.controller.delayed import SwitchingPD
+from icmj import Law, LinearPlant, SwitchingPD
 from icmj.controller.realisation import Guard, Layout, Mode, Realisation
-from icmj.plant.linear_plant import LinearPlant
 
 M, H, G, DELAY = 60.0, 1.0, 9.81, 0.2
 MGH, INERTIA, DAMPING = M * G * H, M * H * H, 4.0

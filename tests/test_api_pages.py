@@ -1,7 +1,5 @@
 """docs/api/: examples on the pages of the Python interface are run in the order of the pages, and say what they say."""
 
-from __future__ import annotations
-
 import doctest
 import re
 

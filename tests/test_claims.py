@@ -5,8 +5,6 @@ agreement, and stands in no row fails here. Sentences that state no result (a de
 example) stand in rows of their own, ``[[allowed]]``.
 """
 
-from __future__ import annotations
-
 import ast
 import csv
 import json
@@ -23,8 +21,7 @@ import pytest
 from scipy import stats
 
 import icmj
-from icmj.case.case import Case
-from icmj.case.result import Result
+from icmj import Case, Result
 from icmj.cli.arguments import GROUPS as COMMANDS
 from icmj.cycle.branch import Branch
 
@@ -44,9 +41,7 @@ PRECISE = re.compile(
     r"10[⁰¹²³⁴-⁹⁻]|10\^|\de[-−+]?\d|%|×|\btimes\b|\bwithin\b|\bdigits?\b|\baccura|\bexact|\bcoincide|(?<![\d.])\d{1,3}\.\d{2,}"
     r"|\d (?:ms|µs|s|MB|GB|kB|min|minutes?|seconds?|hours?|core-hours)\b|\bof \d+\b"
 )
-AGREEMENT = re.compile(
-    r"\bagree(?:s|d|ment)?\b|bit for bit|last bit|byte for byte|\bidentical\b|\bsame bits\b|\bequals?\b"
-)
+AGREEMENT = re.compile(r"\b(?:agree(?:s|d|ment)?|identical|same bits|equals?)\b|bit for bit|last bit|byte for byte")
 
 
 def plain(text: str) -> str:
@@ -258,17 +253,10 @@ def number_of(text: str) -> tuple[float, float]:
     return (0.0, abs(value)) if bound else (value, 0.5 * unit * (1 + 1e-9))
 
 
-@pytest.mark.parametrize(
-    ("text", "value", "allowed"),
-    [
-        ("0.7594", 0.7594, 5e-5),
-        ("−4.5 · 10⁻⁶", -4.5e-6, 5e-8),
-        ("< 10⁻¹²", 0.0, 1e-12),
-        ("44 %", 0.44, 0.005),
-        ("2 · 10⁻⁸", 2e-8, 5e-9),
-        ("at most 2.5 %", 0.0, 0.025),
-    ],
-)
+@pytest.mark.parametrize(("text", "value", "allowed"), [
+    ("0.7594", 0.7594, 5e-5), ("−4.5 · 10⁻⁶", -4.5e-6, 5e-8), ("< 10⁻¹²", 0.0, 1e-12), ("44 %", 0.44, 0.005),
+    ("2 · 10⁻⁸", 2e-8, 5e-9), ("at most 2.5 %", 0.0, 0.025),
+])  # fmt: skip
 def test_a_printed_number_is_read(text: str, value: float, allowed: float) -> None:
     assert number_of(text) == pytest.approx((value, allowed), rel=1e-6)
 

@@ -1,7 +1,5 @@
 """Without what only Linux has, or only Unix: modules, signals, /proc. All is imported, and the commands work."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -30,7 +28,6 @@ MODULES = {name for name in ABSENT if name.islower() and "." not in name and "/"
 NAMES = {name for name in ABSENT if "." in name}
 REFUSED = (errno.EOPNOTSUPP, os.strerror(errno.EOPNOTSUPP))
 
-
 class Bare(types.ModuleType):
     """A module without what this system does not have."""
 
@@ -43,7 +40,6 @@ class Bare(types.ModuleType):
         if f"{whole.__name__}.{name}" in NAMES:
             raise AttributeError(f"module {whole.__name__!r} has no attribute {name!r}")
         return getattr(whole, name)
-
 
 def replaced(name):
     """Functions of the module that are there and refuse."""
@@ -85,9 +81,7 @@ def replaced(name):
         return found
     return {}
 
-
 BARES, load = {}, builtins.__import__
-
 
 def importing(name, named=None, *more, **others):
     if not str((named or {}).get("__name__", "")).startswith("icmj."):
@@ -101,7 +95,6 @@ def importing(name, named=None, *more, **others):
         BARES[name] = Bare(whole, replaced(name))
     return BARES[name]
 
-
 def ours():
     frame = sys._getframe(2)
     passed_on = "pathlib", "io", "contextlib", "posixpath", "genericpath"
@@ -109,14 +102,12 @@ def ours():
         frame = frame.f_back
     return str(frame.f_globals.get("__name__", "")).startswith("icmj.")
 
-
 def unless_proc(function):
     def found(path, *arguments, **named):
         if str(path).startswith("/proc") and ours():
             raise FileNotFoundError(2, "No such file or directory", str(path))
         return function(path, *arguments, **named)
     return found
-
 
 builtins.__import__ = importing
 if "/proc" in ABSENT:
@@ -167,14 +158,8 @@ def bare(program: str, folder: Path, absent: str = ALL, *more: str) -> subproces
     (shim / "sitecustomize.py").write_text(BARE)
     path = os.pathsep.join([str(shim), *(place for place in sys.path if place)])
     environment = {**os.environ, "PYTHONPATH": path, "MPLCONFIGDIR": str(folder), "ABSENT": absent}
-    return subprocess.run(
-        [sys.executable, "-c", program, *more],
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-    )
+    command = [sys.executable, "-c", program, *more]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=PATIENCE)
 
 
 def well(done: subprocess.CompletedProcess[str]) -> None:
@@ -246,10 +231,8 @@ def test_study_sweep_experiment_and_simulations_of_a_fit_without(feature: str, t
 @pytest.mark.slow
 def test_the_command_line_does_its_work_without_what_only_linux_has(tmp_path: Path) -> None:
     many = tmp_path / "many.xml"  # a model that is tried in a process of its own
-    bodies = (
-        '<body pos="0 0 1"><joint name="lean" axis="0 1 0"/><geom size="0.1"/><replicate count="301" offset="0 0 1">'
-    )
-    bodies += '<geom size="0.01"/></replicate></body>'
+    balls = '<replicate count="301" offset="0 0 1"><geom size="0.01"/></replicate>'
+    bodies = f'<body pos="0 0 1"><joint name="lean" axis="0 1 0"/><geom size="0.1"/>{balls}</body>'
     motor = '<actuator><motor name="torque" joint="lean"/></actuator><sensor><jointpos name="y" joint="lean"/></sensor>'
     many.write_text(f"<mujoco><worldbody>{bodies}</worldbody>{motor}</mujoco>")
     short = ["simple-0.8", "--set", "simulation.duration=4.0"]
@@ -275,21 +258,7 @@ def test_the_whole_study_and_a_fit_without_what_only_linux_has(tmp_path: Path) -
     small = ["--model", "clock", "--simulations", "200", "--draws", "100", "--jobs", "2"]
     commands = [
         ["study", "--out", "study", "--yes"],
-        [
-            "fit",
-            "sway.csv",
-            "--columns",
-            "cop",
-            "--unit",
-            "mm",
-            *small,
-            "--jobs",
-            "2",
-            "--out",
-            "fit",
-            "--trained",
-            "families",
-        ],
+        ["fit", "sway.csv", "--columns", "cop", "--unit", "mm", *small, "--out", "fit", "--trained", "families"],
     ]
     well(bare(COMMANDS.format(commands=commands), tmp_path))
     assert len([*(tmp_path / "study").glob("*.rrd")]) == 22
@@ -326,17 +295,7 @@ def test_a_script_in_the_folder_above_a_checkout_finds_the_package(tmp_path: Pat
     Path(sysconfig.get_path("purelib", vars={"base": str(place)}), "lent.pth").write_text(sysconfig.get_path("purelib"))
     hidden = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")
     environment = {key: value for key, value in os.environ.items() if key not in hidden}
-    install = [
-        sys.executable,
-        "-m",
-        "pip",
-        "--python",
-        str(python),
-        "install",
-        "-q",
-        "--no-deps",
-        "--no-build-isolation",
-    ]
+    install = [sys.executable, *f"-m pip --python {python} install -q --no-deps --no-build-isolation".split()]
     subprocess.run([*install, "-e", str(checkout)], check=True, capture_output=True, env=environment, cwd=tmp_path)
     script = tmp_path / "script.py"
     script.write_text("import icmj\nprint(icmj.__file__, icmj.read_log.__name__)\n")
@@ -355,13 +314,8 @@ def test_workflows_call_the_commands_of_gate_and_readme_on_the_oldest_and_the_ne
     for path in (ROOT / ".github" / "workflows").glob("*.yml"):
         jobs |= yaml.safe_load(path.read_text())["jobs"]
     commands = {step["run"] for job in jobs.values() for step in job["steps"] if "run" in step}
-    assert {
-        "ruff check .",
-        "ruff format --check .",
-        "mypy",
-        ".ci/run",
-        "sphinx-build -W -n docs docs/build/html",
-    } <= commands
+    docs = "sphinx-build -W -n docs docs/build/html"
+    assert {"ruff check .", "ruff format --check .", "mypy", ".ci/run", docs} <= commands
     for command in commands - {"python -m build"}:  # what is published; the tests of the wheel build it too
         words = command.split(" --out ")[0].split(" --study=")[0].split(" --from-nothing")[0]
         assert words in known, command

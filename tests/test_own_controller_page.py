@@ -1,7 +1,5 @@
 """docs/own_controller.md: its file, its script and its run file run as they are printed, and stand upright."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import sys

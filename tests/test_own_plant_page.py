@@ -1,6 +1,5 @@
 """docs/own_plant.md: every example on the page is run, in its order, and gives what the page says."""
 
-import json
 import re
 from pathlib import Path
 
@@ -17,7 +16,7 @@ def blocks(root: Path) -> list[tuple[str, str]]:
 
 
 @pytest.mark.slow
-def test_the_page_s_examples_run(root, tmp_path, monkeypatch, capsys):
+def test_the_page_s_examples_run(root, tmp_path, monkeypatch, capsys, shell):
     monkeypatch.chdir(tmp_path)
     known: dict = {"__name__": "page"}
     shown: dict[str, str] = {}
@@ -38,8 +37,7 @@ def test_the_page_s_examples_run(root, tmp_path, monkeypatch, capsys):
     assert known["other"].delta_crit == pytest.approx(known["prediction"].delta_crit, rel=1e-9)
     assert known["prediction"].cycle
     # what was put together in code is the same case when it comes back from its file
-    assert main(["analyse", "plant.toml", "--json"]) == 0
-    back = json.loads(capsys.readouterr().out)
+    back = shell.answers(["analyse", "plant.toml", "--json"])
     assert back["delta_crit"] == pytest.approx(known["prediction"].delta_crit, rel=1e-9)
     assert {"plant.linear.rrd", "report.html", "body.json"} <= {path.name for path in tmp_path.iterdir()}
     assert "1.80654" in shown["icmj analyse by-matrices.toml"]
@@ -55,7 +53,6 @@ def test_a_rule_that_is_one_face_of_the_box_is_that_box(root):
         if language == "python":
             exec(compile(text, "own_plant.md", "exec"), known)
     box = icmj.BoxTrigger(np.array([1e9, 0.01]), "state")
-    run = icmj.simulate_plant(
-        known["actual"], known["by_rate"].triggered_by(box), icmj.Settings(duration=30), x0=[0.02, 0]
-    )
+    law = known["by_rate"].triggered_by(box)
+    run = icmj.simulate_plant(known["actual"], law, icmj.Settings(duration=30), x0=[0.02, 0])
     np.testing.assert_allclose(known["run"].events.t, run.events.t, atol=1e-9)

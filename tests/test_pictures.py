@@ -1,7 +1,5 @@
 """docs/pictures/: every picture is made by ``python docs/draw.py``, from what is there now, and is the one shown."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import re
@@ -70,8 +68,6 @@ def test_a_figure_is_what_the_present_code_draws(name, drawing, root, tmp_path):
     """Drawn anew, it differs in no more than one pixel in a hundred: those at edges of lines."""
     image = pytest.importorskip("PIL.Image")
     drawing.PICTURES[name].draw(tmp_path / name)
-    new, old = (
-        np.asarray(image.open(folder / name).convert("L"), int) for folder in (tmp_path, root / "docs/pictures")
-    )
+    new, old = (np.asarray(image.open(place / name).convert("L"), int) for place in (tmp_path, root / "docs/pictures"))
     assert new.shape == old.shape
     assert np.mean(np.abs(new - old) > 32) < 0.01

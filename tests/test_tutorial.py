@@ -3,8 +3,6 @@
 The environment that the page makes borrows what icmj needs from this one; ``pytest --from-nothing`` installs all of it.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex
@@ -69,9 +67,7 @@ class Newcomer:
         return self.run(["python", "-c", text])
 
     def run(self, command: list[str]) -> str:
-        done = subprocess.run(
-            command, cwd=self.folder, env=self.environment, capture_output=True, text=True, check=False
-        )
+        done = subprocess.run(command, cwd=self.folder, env=self.environment, capture_output=True, text=True)
         assert done.returncode == 0, f"{command}: {done.stderr}"
         return done.stdout
 

@@ -23,9 +23,8 @@ def say(*words: object, cwd: Path | None = None, **more: str) -> subprocess.Comp
     """Run a program as somebody would who knows nothing of this checkout."""
     hidden = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "PYTHONDONTWRITEBYTECODE")
     environment = {key: value for key, value in os.environ.items() if key not in hidden} | more
-    done = subprocess.run(
-        [str(word) for word in words], cwd=cwd, env=environment, capture_output=True, text=True, check=False
-    )
+    command = [str(word) for word in words]
+    done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done
 
@@ -70,9 +69,8 @@ def test_nothing_is_missing_and_nothing_too_much(built):
     tracked = {name for name in listed.stdout.splitlines() if not name.startswith((".ci/", ".git"))}
     with tarfile.open(built[0]) as sdist:
         held = {name.partition("/")[2] for name in sdist.getnames()}
-    assert (
-        tracked - {f"icmj/shipped/{shelf}" for shelf in ("models", "runs", "sweeps", "experiments", "families")} <= held
-    )
+    shelves = ("models", "runs", "sweeps", "experiments", "families")
+    assert tracked - {f"icmj/shipped/{shelf}" for shelf in shelves} <= held
     data = {
         f"icmj/shipped/{name}"
         for name in tracked

@@ -1,17 +1,20 @@
 """Plants for the tests of the theory: the shipped pendulum in closed form, and random ones."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.optimize import brentq
+from linear_cases import loop_matrix
+from scipy.linalg import block_diag, expm
+from scipy.optimize import brentq, linear_sum_assignment
 
-from icmj.controller.design import Design, design_lq
+from icmj import Continuous, Controller, LinearPlant, Prediction, Settings, Simulation
+from icmj.controller.design import Design, design_lq, system_matched
 from icmj.errors import DesignError
-from icmj.plant.linear_plant import LinearPlant
+from icmj.linear.run import simulate
 from icmj.theory.error_system import ErrorSystem, error_system
+from icmj.theory.orbit import jacobian
+
+Level = Callable[[np.ndarray], complex]
 
 NAMES = ("v", "y")
 
@@ -99,6 +102,12 @@ def random_systems(seed: int, count: int, *, mismatch: float = 0.3) -> Iterator[
             yield system
 
 
+def step(crossing) -> int:
+    """By how many the eigenvalues outside of the unit circle change there."""
+    size = 2 if crossing.kind == "complex" else 1
+    return crossing.multiplicity * size * {"rising": 1, "falling": -1, "tangent": 0}[crossing.direction]
+
+
 def pair_of_holds(q: complex, c: complex, r: complex) -> ErrorSystem:
     """A system whose φ has, beside e^{−Δ}, the eigenvalue e^{qΔ} + r (e^{cΔ} − e^{qΔ})/(c − q) and its conjugate.
 
@@ -164,6 +173,71 @@ def system_beside(extra, *, known=True, gain=0.8, **more) -> ErrorSystem:
     L = np.zeros((2 + count, actual.n_y))
     L[:2, :1] = plain.L
     return error_system(actual, Design(beside(1.0, extra, **more), k, L))
+
+
+def whole(system: ErrorSystem, x_bar: np.ndarray) -> np.ndarray:
+    """(x, x_o, x_h) at an event of what is left of it in x̄; without a delay the hold begins where the observer is."""
+    has_hold = len(x_bar) == system.n + 2 * system.n_hat
+    return system.to_original(x_bar if has_hold else system.T_bar @ x_bar)
+
+
+def next_event(system: ErrorSystem, level: Level, z: np.ndarray, delta: float) -> np.ndarray:
+    """(x, x_o, x_h) at the event near ``delta``, from that at the event before, as plant, observer and hold say.
+
+    The state is complex, and real but for a tiny part; ``level`` of a hold error is 1 at an event.
+    """
+    d, P, n, m = system.design, system.design.plant, system.n, system.n_hat
+    M = loop_matrix(system.actual, Controller(d, system_matched(d), Continuous()))
+    model = np.block([[P.A, -P.B @ d.k], [np.zeros((m, m)), d.A_c]])
+    acted = expm(M * system.delay.t_d) @ z
+    acted[n + m :] = (expm(model * system.delay.predicted) @ z[n:])[:m]
+    flight = delta - system.delay.t_d
+    base = expm(M * 0.95 * flight) @ acted
+
+    def held(z: np.ndarray) -> np.ndarray:
+        return z[n + m :] - z[n : n + m]
+
+    def excess(s: float) -> float:
+        return level(held(expm(M * s) @ base.real)) - 1
+
+    end = expm(M * brentq(excess, 0.0, 0.1 * flight, xtol=1e-15, rtol=1e-14)) @ base
+    slope = level(held(end.real) + 1e-30j * held(M @ end.real)).imag / 1e-30
+    return end - M @ end * ((level(held(end)) - 1) / slope)  # the event of the tiny part is tinily elsewhere
+
+
+def assert_multipliers_agree(system, rule, prediction: Prediction, level: Level | None = None) -> None:
+    """By differences along the imaginary axis, Im f(x + ih)/h: nothing is cut off, and nothing cancels."""
+    orbit, size = prediction.orbit, len(prediction.orbit.x_bar)
+    level = level or (lambda e: e @ rule.Q_t @ e / rule.q_t**2)
+    J, h = jacobian(system, rule, orbit), 1e-30 * np.abs(orbit.x_bar).max()
+    start, columns = whole(system, orbit.x_bar), []
+    for direction in h * np.eye(size):  # coordinates change linearly
+        end = next_event(system, level, start + 1j * whole(system, direction), orbit.delta)
+        columns.append(system.from_original(end.imag)[:size] / h)
+    measured = np.column_stack(columns)
+    # what is left is rounding: that of a state which grows some thousandfold within an interval
+    assert np.abs(J - measured).max() < 1e-9 * max(1.0, np.abs(J).max())
+    gap = np.abs(prediction.multipliers[:, None] - np.linalg.eigvals(measured))
+    assert gap[linear_sum_assignment(gap)].max() < 1e-9 * max(1.0, np.abs(prediction.multipliers).max())
+
+
+def started_beside(system: ErrorSystem, rule, prediction: Prediction, seed: int) -> tuple[Simulation, bool]:
+    """A simulation of 80 intervals from 1e-3 beside the orbit, and whether it ends ten times nearer to it.
+
+    Its mirror image counts, too.
+    """
+    orbit, size = prediction.orbit, np.linalg.norm(prediction.orbit.x_bar)
+    away = np.random.default_rng(seed).normal(size=len(orbit.x_bar))
+    start = whole(system, orbit.x_bar + 1e-3 * size * away / np.linalg.norm(away))
+    x, x_o, x_h = np.split(start, [system.n, system.n + system.n_hat])
+    controller = Controller(system.design, system_matched(system.design), rule, system.delay)
+    settings = Settings(duration=80 * orbit.delta, record_interval=1e3, limit=1e6)
+    run = simulate(system.actual, controller, settings, x0=x, x_o0=x_o, x_h0=x_h)
+    events = run.events
+    after = np.hstack([events.x, events.x_o, events.x_h if system.delay else events.x_o])
+    at = system.from_original(after)[:, : len(orbit.x_bar)]
+    gap = np.minimum(*(np.linalg.norm(at - s * orbit.x_bar, axis=1) for s in (1, -1)))
+    return run, len(gap) > 10 and bool(gap[-3:].max() < 1e-4 * size)
 
 
 def visiting() -> ErrorSystem:

@@ -1,7 +1,5 @@
 """Decisions between numbers that are equal but for rounding: the same, whatever the last bits are."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any, cast

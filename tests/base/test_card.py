@@ -1,7 +1,5 @@
 """Cards: one line at a prompt, a table in a notebook, numbers with units, nothing that breaks a page."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from html.parser import HTMLParser
 

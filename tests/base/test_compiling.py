@@ -1,7 +1,5 @@
 """That something is compiled is known to whoever shows what is under way, also of processes that work for this one."""
 
-from __future__ import annotations
-
 import io
 import re
 import time

@@ -1,7 +1,5 @@
 """One thread, unless somebody has asked for more."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -35,9 +33,8 @@ print("threads", *{pool["num_threads"] for pool in threadpool_info() if pool["us
 """
     bare = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
     for more, threads in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, str(min(2, processors())))):
-        done = subprocess.run(
-            [sys.executable, "-c", script], capture_output=True, text=True, check=True, env={**bare, **more}
-        )
+        command = [sys.executable, "-c", script]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, env={**bare, **more})
         assert f"threads {threads}" in done.stdout
 
 

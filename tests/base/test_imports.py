@@ -1,7 +1,5 @@
 """What the command line loads late, and how: nothing is lost to whoever wants it after all."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from importlib.util import find_spec

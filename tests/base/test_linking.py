@@ -1,7 +1,5 @@
 """What is linked computes what Python computes, in this process and from disk in the next, with one machine code."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

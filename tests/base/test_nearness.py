@@ -7,18 +7,10 @@ from icmj.base.text import did_you_mean, nearest
 NAMES = ("delta_min", "q_t", "Q_t", "threshold", "system-matched")
 
 
-@pytest.mark.parametrize(
-    ("given", "meant"),
-    [
-        ("delta-min", "delta_min"),
-        ("DeltaMin", "delta_min"),
-        ("treshold", "threshold"),
-        ("system_matched", "system-matched"),
-        ("nothing like it", None),
-        ("", None),
-        ("threshold" * 10**5, None),
-    ],
-)
+@pytest.mark.parametrize(("given", "meant"), [
+    ("delta-min", "delta_min"), ("DeltaMin", "delta_min"), ("treshold", "threshold"),
+    ("system_matched", "system-matched"), ("nothing like it", None), ("", None), ("threshold" * 10**5, None),
+])  # fmt: skip
 def test_the_nearest_name(given, meant):
     assert nearest(given, NAMES) == meant
 

@@ -1,7 +1,5 @@
 """npz files of others: the arrays, or one kind of error, whatever is wrong with the file."""
 
-from __future__ import annotations
-
 import io
 import random
 import zipfile
@@ -44,18 +42,15 @@ def header(text: bytes) -> bytes:
     return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text
 
 
-@pytest.mark.parametrize(
-    "npy",
-    [
-        header(b"{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000000,), }\n"),
-        header(b"{'descr': '<f8', 'fortran_order': False, 'shape': (-1,), }\n"),
-        header(b"{'descr': 'zz', 'fortran_order': 1, 'shape': 3}\n"),
-        header(b"{'descr': '<f8', ((('\n"),
-        header(b"\xff\xfe\x00"),
-        b"",
-        b"plain",
-    ],
-)
+@pytest.mark.parametrize("npy", [
+    header(b"{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000000,), }\n"),
+    header(b"{'descr': '<f8', 'fortran_order': False, 'shape': (-1,), }\n"),
+    header(b"{'descr': 'zz', 'fortran_order': 1, 'shape': 3}\n"),
+    header(b"{'descr': '<f8', ((('\n"),
+    header(b"\xff\xfe\x00"),
+    b"",
+    b"plain",
+])  # fmt: skip
 def test_an_array_that_is_none_is_refused(npy: bytes, tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "a.npz", "w") as packed:
         packed.writestr("t.npy", npy)
@@ -64,13 +59,10 @@ def test_an_array_that_is_none_is_refused(npy: bytes, tmp_path: Path) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_pickles_stay_closed(tmp_path: Path) -> None:
+def test_pickles_stay_closed_and_no_file_is_an_error_of_the_system(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", t=np.array([{}], dtype=object))
     with pytest.raises(ValueError, match="not an npz file of plain arrays"):
         read_npz(tmp_path / "a.npz", 1e6)
-
-
-def test_no_file_is_an_error_of_the_system(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         read_npz(tmp_path / "none.npz", 1e6)
 

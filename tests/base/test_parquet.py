@@ -1,7 +1,5 @@
 """Parquet files that stand for more than they hold: refused before it is there, in one line."""
 
-from __future__ import annotations
-
 import io
 import tracemalloc
 

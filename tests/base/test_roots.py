@@ -52,28 +52,17 @@ def test_first_of_several_roots():
 
 
 @pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6, 1e-7])
-def test_a_pair_of_close_roots_is_found(gap):
+def test_a_pair_of_close_roots_is_found_and_a_near_miss_is_no_root(gap):
     # −(θ − c)² + gap²: positive only on an interval of length 2 gap
     root = first_root(np.array([-(0.4371**2) + gap**2, 2 * 0.4371, -1.0]))
     assert root == pytest.approx(0.4371 - gap, abs=1e-15 / gap)
-
-
-@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6, 1e-7])
-def test_a_near_miss_is_no_root(gap):
     assert first_root(np.array([-(0.4371**2) - gap**2, 2 * 0.4371, -1.0])) == np.inf
 
 
-def test_an_exact_touch_counts():
-    # (θ − ½)² is exact in binary
-    assert first_root(np.array([-0.25, 1.0, -1.0])) == pytest.approx(0.5, abs=1e-7)
-
-
-def test_positive_start_is_the_root():
+def test_a_touch_a_start_that_is_positive_and_the_end_count():
+    assert first_root(np.array([-0.25, 1.0, -1.0])) == pytest.approx(0.5, abs=1e-7)  # (θ − ½)² is exact in binary
     assert first_root(np.array([0.0, -1.0])) == 0.0
     assert first_root(np.array([2.0, 1.0])) == 0.0
-
-
-def test_root_at_the_end():
     assert first_root(np.array([-1.0, 1.0])) == pytest.approx(1.0, abs=1e-15)
 
 

@@ -1,7 +1,5 @@
 """A program that is held to limits: they are those asked for, where the system has them, and none are ours."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A request to end unwinds, is not lost in foreign code, and leaves the handlers as they were."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal
@@ -49,12 +47,10 @@ def swallowed(signum: int) -> None:
     time.sleep(5)
 
 
-def test_one_that_is_swallowed_comes_again() -> None:
+def test_one_that_is_swallowed_comes_again_and_ctrl_c_is_remembered() -> None:
     assert ended_by(lambda: swallowed(signal.SIGTERM)) == 143
-
-
-def test_ctrl_c_that_is_swallowed_comes_again() -> None:
     assert within(lambda: swallowed(signal.SIGINT)).signum == signal.SIGINT
+    assert within(lambda: sent(signal.SIGINT)).signum == signal.SIGINT
 
 
 def test_ctrl_c_is_heard_once_where_it_keeps_what_there_is() -> None:
@@ -102,10 +98,6 @@ def test_one_that_falls_into_a_destructor_comes_again(capfd: pytest.CaptureFixtu
 
     assert ended_by(work) == 143
     assert capfd.readouterr().err == ""
-
-
-def test_ctrl_c_is_remembered() -> None:
-    assert within(lambda: sent(signal.SIGINT)).signum == signal.SIGINT
 
 
 def test_somebody_else_s_alarm_is_neither_rung_nor_silenced() -> None:

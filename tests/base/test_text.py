@@ -1,7 +1,5 @@
 """One line of anything: what a terminal would obey is not in it."""
 
-from __future__ import annotations
-
 import codecs
 
 import pytest
@@ -9,28 +7,22 @@ import pytest
 from icmj.base.text import one_line, printable, spell
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("a\nb\t c", "a b c"),
-        ("\x1b[31mred\x1b[0m and \x1b]0;title\x07plain", "red and plain"),
-        ("bell\x07 back\x08 \x9b31m", "bell back 31m"),
-        ("right\u202eleft", "right left"),
-        ("marks\u200e \u200f\u061c of\u2066 direction\u2069", "marks of direction"),
-        ("tag\U000e0041ged", "tag ged"),
-        ("ζ → ½", "ζ → ½"),
-        ("\ud800", ""),
-    ],
-)
+@pytest.mark.parametrize(("text", "line"), [
+    ("a\nb\t c", "a b c"),
+    ("\x1b[31mred\x1b[0m and \x1b]0;title\x07plain", "red and plain"),
+    ("bell\x07 back\x08 \x9b31m", "bell back 31m"),
+    ("right\u202eleft", "right left"),
+    ("marks\u200e \u200f\u061c of\u2066 direction\u2069", "marks of direction"),
+    ("tag\U000e0041ged", "tag ged"),
+    ("ζ → ½", "ζ → ½"),
+    ("\ud800", ""),
+])  # fmt: skip
 def test_what_a_terminal_would_obey_is_taken_out(text: str, line: str) -> None:
     assert one_line(text) == line
 
 
-def test_it_is_cut() -> None:
+def test_one_line_is_cut_and_lines_of_printable_text_stay() -> None:
     assert one_line("abc" * 10, 5) == "abca…"
-
-
-def test_lines_of_printable_text_stay() -> None:
     assert printable("a\n\tb\x1b[31m\x9b\u202ec\u2067 [/] ζ 重り\ud800") == "a\n\tb[31mc [/] ζ 重り"
 
 

@@ -1,15 +1,11 @@
 """Models that other people made run from a few lines and do what is predicted, or stop with a reason of nature."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 
 import pytest
 
-from icmj.case.case import prepare, simulate
-from icmj.errors import IcmjError
-from icmj.runfile.reading import parse_run
+from icmj import IcmjError, parse_run, prepare, simulate
 
 FOLDERS = {"gymnasium": "envs/mujoco/assets", "dm_control": "suite"}
 GIVEN = ', operating_point = "as given"'
@@ -32,14 +28,11 @@ def run_file(package, name, more="", R_c=0.1, joint="hinge"):
     return parse_run(text, folder / "run.toml")
 
 
-@pytest.mark.parametrize(
-    ("package", "name", "more", "R_c", "joint"),
-    [
-        ("gymnasium", "inverted_pendulum.xml", ', operating_point = "balance", free = ["hinge"]', 0.1, "hinge"),
-        ("dm_control", "pendulum.xml", "", 1.0, "hinge"),
-        ("dm_control", "cartpole.xml", "", 0.1, "hinge_1"),
-    ],
-)
+@pytest.mark.parametrize(("package", "name", "more", "R_c", "joint"), [
+    ("gymnasium", "inverted_pendulum.xml", ', operating_point = "balance", free = ["hinge"]', 0.1, "hinge"),
+    ("dm_control", "pendulum.xml", "", 1.0, "hinge"),
+    ("dm_control", "cartpole.xml", "", 0.1, "hinge_1"),
+])  # fmt: skip
 def test_a_brought_model_does_what_is_predicted(package, name, more, R_c, joint):
     case = prepare(run_file(package, name, more, R_c, joint))
     assert case.notices == ()
@@ -48,20 +41,16 @@ def test_a_brought_model_does_what_is_predicted(package, name, more, R_c, joint)
     assert run.events.interval[-1] == pytest.approx(case.prediction.delta_crit, rel=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("package", "name", "more", "joint", "reason"),
-    [
-        # as it is: the pole leans by the offset that the environment is known for
-        ("gymnasium", "inverted_pendulum.xml", GIVEN, "hinge", "not at rest: hinge accelerates by 0.0498 rad/s²"),
-        # its file has gravity lean by a millionth
-        ("gymnasium", "inverted_double_pendulum.xml", GIVEN, "hinge", "not at rest: slider accelerates by 1e-05 m/s²"),
-        ("dm_control", "walker.xml", GIVEN, "rooty", "not at rest: rootz accelerates by 9.81"),
-    ],
-)
+@pytest.mark.parametrize(("package", "name", "more", "joint", "reason"), [
+    # as it is: the pole leans by the offset that the environment is known for
+    ("gymnasium", "inverted_pendulum.xml", GIVEN, "hinge", "not at rest: hinge accelerates by 0.0498 rad/s²"),
+    # its file has gravity lean by a millionth
+    ("gymnasium", "inverted_double_pendulum.xml", GIVEN, "hinge", "not at rest: slider accelerates by 1e-05 m/s²"),
+    ("dm_control", "walker.xml", GIVEN, "rooty", "not at rest: rootz accelerates by 9.81"),
+])  # fmt: skip
 def test_a_model_that_cannot_be_predicted_is_refused_with_the_reason(package, name, more, joint, reason):
-    with pytest.raises(IcmjError, match=reason) as caught:
+    with pytest.raises(IcmjError, match=reason):
         prepare(run_file(package, name, more, joint=joint))
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.slow

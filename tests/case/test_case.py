@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 from model_cases import MOTOR, pendulum, two, written
 
-from icmj.case.case import prepare, simulate
-from icmj.controller.trigger import ClockTrigger, Continuous
+from icmj import ClockTrigger, Continuous, build_report, load_run, parse_run, prepare, run_case, simulate
 from icmj.errors import DesignError, ModelError, RunFileError
-from icmj.report.builder import build_report
-from icmj.runfile.reading import load_run, parse_run
-from icmj.study.study import run_case
 
 NOTES = {  # Δ_crit [s], eigenvalue, cycle predicted (notes, sections 2, 4 and 5)
     "simple-0.8": (1.807, 1, True),
@@ -61,38 +57,24 @@ def test_refinement_divides_the_timestep(root):
     assert simulate(case, duration=0.5, refinement=0.5).precision["timestep"] == 0.0025
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        (
-            "{ hinge = 0.02 }",
-            "{ hip = 0.02 }",
-            "simulation.initial names 'hip', which the model lacks; expected one of hinge",
-        ),
-        (
-            "[study]",
-            '[[simulation.disturbance]]\nkind = "step"\ninput = "x"\nsize = 1.0\n[study]',
-            "names 'x', which the model lacks",
-        ),
-        (
-            "[study]",
-            '[[simulation.disturbance]]\nkind = "noise"\noutput = "torque"\nsize = 1.0\ncorner = 1\nseed = 1\n[study]',
-            "simulation.disturbance names 'torque', which the model lacks; expected one of angle",
-        ),
-    ],
-)
-def test_names_the_model_does_not_have_are_refused_first(root, old, new, words):
-    path = root / "runs" / "simple-0.8.toml"
-    with pytest.raises(RunFileError, match=words) as caught:
-        prepare(parse_run(path.read_text(encoding="utf-8").replace(old, new), path))
-    assert "simple-0.8.toml" in str(caught.value)
+NOISY = [{"kind": "noise", "output": "torque", "size": 1.0, "corner": 1, "seed": 1}]
+
+
+@pytest.mark.parametrize(("keys", "words"), [
+    ({"initial": {"hip": 0.02}}, "simulation.initial names 'hip', which the model lacks; expected one of hinge"),
+    ({"disturbance": [{"kind": "step", "input": "x", "size": 1.0}]}, "names 'x', which the model lacks"),
+    ({"disturbance": NOISY}, "simulation.disturbance names 'torque', which the model lacks; expected one of angle"),
+])  # fmt: skip
+def test_names_the_model_does_not_have_are_refused_first(root, keys, words):
+    run = load_run(root / "runs" / "simple-0.8.toml")
+    with pytest.raises(RunFileError, match=f"simple-0.8.toml.*{words}"):
+        prepare(run.with_(**{f"simulation.{key}": value for key, value in keys.items()}))
 
 
 def test_a_design_error_names_the_run_file(root):
-    path = root / "runs" / "simple-0.8.toml"
-    text = path.read_text(encoding="utf-8").replace('Q_c = "output"', "Q_c = [1.0, 1.0, 1.0]")
+    run = load_run(root / "runs" / "simple-0.8.toml").with_(**{"design.Q_c": [1.0, 1.0, 1.0]})
     with pytest.raises(DesignError, match=r"simple-0.8.toml: weight Q_c"):
-        prepare(parse_run(text, path))
+        prepare(run)
 
 
 def test_exact_model_in_mujoco_has_an_interval_that_grows_with_the_logarithm_of_the_threshold(root):
@@ -137,9 +119,8 @@ def test_ports_of_other_names_take_the_place_of_the_assumed_ones_where_the_run_f
     named = 'model = "other.xml", gain = 0.9, inputs = ["muscle"], outputs = ["tilt"]'
     extra = """simulation = { duration = 2.0, initial = { lean = 0.01 } }
     study = { growth_points = 2, attractor_starts = 1 }"""
-    same, renamed = (
-        run_case(brought(tmp_path, "model.xml", actual, extra=extra), "linear") for actual in ("gain = 0.9", named)
-    )
+    both = ("gain = 0.9", named)
+    same, renamed = (run_case(brought(tmp_path, "model.xml", actual, extra=extra), "linear") for actual in both)
     assert renamed.actual.inputs == ("muscle",)
     np.testing.assert_array_equal(renamed.simulation.y, same.simulation.y)
     assert renamed.prediction.delta_crit == same.prediction.delta_crit
@@ -148,11 +129,16 @@ def test_ports_of_other_names_take_the_place_of_the_assumed_ones_where_the_run_f
         prepare(brought(tmp_path, "model.xml", 'model = "other.xml"'))
 
 
-def test_an_output_that_the_actual_model_lacks_is_named(tmp_path):
+@pytest.mark.parametrize(("words", "keys"), [
+    ("no input 'push'; it has ankle", {"actual": 'model = "other.xml"'}),
+    ("x does not matter to any output; drop", {"more": ', outputs = ["angle"]'}),
+    (r'assumed: .*free needs operating_point = "balance"', {"more": ', free = ["x"]'}),
+])  # fmt: skip
+def test_what_models_lack_and_what_a_design_cannot_see_is_named(tmp_path, words, keys):
     two(tmp_path)
     written(tmp_path, pendulum(MOTOR), "other.xml")
-    with pytest.raises(ModelError, match="no input 'push'; it has ankle"):
-        prepare(brought(tmp_path, actual='model = "other.xml"'))
+    with pytest.raises((DesignError, ModelError, RunFileError), match=words):
+        prepare(brought(tmp_path, **keys))
 
 
 def test_a_model_without_sensors_runs_from_five_lines(tmp_path):
@@ -195,16 +181,9 @@ def test_a_plant_that_moves_by_itself_is_refused_unless_allowed(tmp_path):
     run = brought(tmp_path, "model.xml", more=', keyframe = "stand"')
     with pytest.raises(ModelError, match=r"run.toml: not at rest: lean accelerates by 0.516 rad/s²"):
         prepare(run)
-    allowed = brought(
-        tmp_path, "model.xml", more=', keyframe = "stand"', extra='analysis = { allow = ["not at rest"] }'
-    )
+    more = ', keyframe = "stand"'
+    allowed = brought(tmp_path, "model.xml", more=more, extra='analysis.allow = ["not at rest"]')
     assert [notice.kind for notice in prepare(allowed).notices] == ["not at rest"]
-
-
-def test_a_design_that_fails_says_what_it_cannot_move_or_see(tmp_path):
-    two(tmp_path)
-    with pytest.raises(DesignError, match="x does not matter to any output; drop"):
-        prepare(brought(tmp_path, more=', outputs = ["angle"]'))
 
 
 def test_shipped_cases_need_no_word(root):
@@ -243,30 +222,8 @@ simulation = {{ duration = 12.0, initial = {{ lean = 4e-4 }} }}
     assert case.actual.linearisation.point.ctrl[0] == pytest.approx(torque * (1.05 if change else 1))
 
 
-def test_free_needs_balance(tmp_path):
-    with pytest.raises(RunFileError, match=r'assumed: .*free needs operating_point = "balance"'):
-        brought(tmp_path, more=', free = ["x"]')
-
-
-def test_a_log_says_what_ran(root, tmp_path):
-    """A sweep in code: the archive of the run with 0.85 says 0.85."""
-    from icmj.log.reader import read_log
+def test_a_model_without_geoms_is_logged(tmp_path):
     from icmj.log.writer import write_log
-    from icmj.study.study import run_case
-
-    run = load_run(root / "runs" / "simple-0.8.toml")
-    short = {"simulation.duration": 3.0, "study.growth_points": 0, "study.attractor_starts": 0}
-    result = run_case(run.with_(**{"actual.gain": 0.85} | short), "linear")
-    write_log(result, tmp_path / "log.rrd")
-    again = read_log(tmp_path / "log.rrd")
-    assert again.run.actual.gain == 0.85
-    assert again.notices == result.notices
-    assert any("differs from the published case" in notice for notice in again.notices)
-
-
-def test_a_model_without_geoms_is_logged(root, tmp_path):
-    from icmj.log.writer import write_log
-    from icmj.study.study import run_case
 
     written(tmp_path, pendulum(MOTOR))
     case = brought(tmp_path, "model.xml", extra="simulation = { duration = 1.0 }\nstudy = { growth_points = 0 }")

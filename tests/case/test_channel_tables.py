@@ -1,20 +1,12 @@
 """Switching channels and the delayed PID in run files: made, simulated on both plants, kept in logs, refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tapped_cases import PERSON
 
-from icmj.case.case import prepare, simulate
-from icmj.errors import IcmjError
-from icmj.log.reader import read_log
-from icmj.log.writer import write_log
-from icmj.runfile.reading import load_run
-from icmj.runfile.schema import RunFile
-from icmj.study.study import run_case
+from icmj import IcmjError, RunFile, load_run, prepare, read_log, run_case, simulate, write_log
 
 HEAD = """
 case = { name = "asai", title = "Feedback of one joint" }
@@ -85,35 +77,27 @@ def test_the_engine_is_the_linear_plant_at_small_sway(continuous: RunFile) -> No
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"controller.P": 1.0}, "controller.P"),
-        ({"controller.channel": []}, "controller.channel"),
-        ({"controller.channel[0].share": 0.6}, "give slope or share, not both"),
-        ({"controller.channel[0].rate": "knee"}, "the plant's outputs are theta, omega"),
-        ({"controller.channel[0].input": "hip"}, "name the input of each channel"),
-        ({"controller.channel[0].dead_zone": -1.0}, "dead_zone"),
-        ({"controller.channel[0].position": {"theta": "x"}}, "position"),
-    ],
-)
+@pytest.mark.parametrize(("change", "words"), [
+    ({"controller.P": 1.0}, "controller.P"),
+    ({"controller.channel": []}, "controller.channel"),
+    ({"controller.channel[0].share": 0.6}, "give slope or share, not both"),
+    ({"controller.channel[0].rate": "knee"}, "the plant's outputs are theta, omega"),
+    ({"controller.channel[0].input": "hip"}, "name the input of each channel"),
+    ({"controller.channel[0].dead_zone": -1.0}, "dead_zone"),
+    ({"controller.channel[0].position": {"theta": "x"}}, "position"),
+])  # fmt: skip
 def test_what_is_wrong_with_channels_is_said(channelled: RunFile, change: dict, words: str) -> None:
-    with pytest.raises(IcmjError, match=words) as told:
+    with pytest.raises(IcmjError, match=words):
         prepare(channelled.with_(**change))
-    assert "\n" not in str(told.value)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"controller.P": None}, "controller.P is missing"),
-        ({"controller.force": "knee"}, "the plant's outputs are theta, omega"),
-        ({"controller.force_gain": 1.0}, "it must be below 1"),
-        ({"controller.force_time": 0.0}, "force_time"),
-        ({"assumed.delay": None}, "delay of the delayed PID controller must be positive"),
-    ],
-)
+@pytest.mark.parametrize(("change", "words"), [
+    ({"controller.P": None}, "controller.P is missing"),
+    ({"controller.force": "knee"}, "the plant's outputs are theta, omega"),
+    ({"controller.force_gain": 1.0}, "it must be below 1"),
+    ({"controller.force_time": 0.0}, "force_time"),
+    ({"assumed.delay": None}, "delay of the delayed PID controller must be positive"),
+])  # fmt: skip
 def test_what_is_wrong_with_a_delayed_pid_is_said(continuous: RunFile, change: dict, words: str) -> None:
-    with pytest.raises(IcmjError, match=words) as told:
+    with pytest.raises(IcmjError, match=words):
         prepare(continuous.with_(**change))
-    assert "\n" not in str(told.value)

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from model_cases import MOTOR, MUSCLE, SERVO, pendulum, two, written
 
-from icmj.case.case import prepare, simulate
+from icmj import load_run, prepare, simulate
 from icmj.case.drafting import case_name, draft_run
 from icmj.engine.plant import inventory
 from icmj.errors import ModelError
-from icmj.runfile.reading import load_run
 
 SHIPPED = ("pendulum", "pendulum_neglected", "three_link", "three_link_floor")
 FOREIGN = (("gymnasium", "envs/mujoco/assets/inverted_pendulum.xml"), ("dm_control", "suite/cartpole.xml"))
@@ -64,9 +63,8 @@ def test_any_actuator(tmp_path, actuator):
 
 
 def test_of_several_keyframes_one_at_rest_is_taken_and_the_others_are_named(tmp_path):
-    text = pendulum(MOTOR).replace(
-        '<key name="stand" qpos="0"/>', '<key name="leaning" qpos="0.3"/><key name="upright" qpos="0"/>'
-    )
+    two_keys = '<key name="leaning" qpos="0.3"/><key name="upright" qpos="0"/>'
+    text = pendulum(MOTOR).replace('<key name="stand" qpos="0"/>', two_keys)
     model = written(tmp_path, text)
     case = draft_run(model, tmp_path / "first.toml").case
     assert case is not None
@@ -98,16 +96,10 @@ def test_weights_go_with_the_plant_s_gain(tmp_path):
     np.testing.assert_allclose(np.divide(*R), 1e-4, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("text", "trouble"),
-    [
-        (pendulum(MOTOR, joint='frictionloss="1"'), "dry friction: lean has dry friction"),
-        (
-            pendulum(MUSCLE),
-            "kink: the plant answers differently up and down in input 'ankle': a muscle",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("text", "trouble"), [
+    (pendulum(MOTOR, joint='frictionloss="1"'), "dry friction: lean has dry friction"),
+    (pendulum(MUSCLE), "kink: the plant answers differently up and down in input 'ankle': a muscle"),
+])  # fmt: skip
 def test_what_is_in_the_way_is_told_and_the_rest_is_written(tmp_path, text, trouble):
     draft = draft_run(written(tmp_path, text), tmp_path / "first.toml")
     assert draft.case is None

@@ -1,7 +1,5 @@
 """What a result depends on: each file that a run file reaches changes the fingerprints, and nothing beside it does."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -10,12 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from icmj import load_experiment, load_run
 from icmj.case.plants import digests
 from icmj.engine.safety import files_of
 from icmj.errors import ModelError, RunFileError
 from icmj.fitting.family import Family, Prior
-from icmj.runfile.experiment_tables import load_experiment
-from icmj.runfile.reading import load_run
 from icmj.runfile.sweep_tables import load_family_file, load_sweep
 from icmj.study.experiment import fingerprint
 from icmj.study.plan import Plan

@@ -1,7 +1,5 @@
 """Loops as systems of python-control do what the simulators of the package do, by another program's arithmetic."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 
@@ -11,12 +9,9 @@ import pytest
 from report_cases import actual_plant, design_of
 
 import icmj
-from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, system_matched
+from icmj import Controller, Delay, Settings, Step, error_system, system_matched
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
 from icmj.errors import AnalysisError
-from icmj.simulation.settings import Settings, Step
-from icmj.theory.error_system import error_system
 
 X0 = [0.02, 0.0]
 PUSH = 0.003
@@ -100,9 +95,8 @@ def test_a_loop_on_the_engine_is_the_simulated_one(root):
     start = np.zeros(12)
     start[0] = 0.1
     t = simulation.t
-    found = control.input_output_response(
-        loop, t, np.zeros((6, len(t))), start, solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-12}
-    )
+    exact = {"rtol": 1e-9, "atol": 1e-12}
+    found = control.input_output_response(loop, t, np.zeros((6, len(t))), start, solve_ivp_kwargs=exact)
     assert pytest.approx(simulation.y, abs=1e-7) == found.outputs[:3].T
     assert pytest.approx(simulation.u, abs=1e-4) == found.outputs[3:].T
 
@@ -131,34 +125,27 @@ def test_a_ball_joint_turns_as_the_engine_turns_it(tmp_path):
     assert rate == pytest.approx(exact, abs=1e-8)
 
 
-def test_plants_alone_and_plants_of_cases(root):
+def test_plants_of_cases_have_such_a_form_and_events_inside_the_steps_of_the_engine_none(root):
     assert isinstance(icmj.to_iosystem(actual_plant("b0.8")), control.StateSpace)
     case = icmj.prepare(icmj.load_run(root / "runs" / "simple-0.8.toml"))
     assert isinstance(icmj.to_iosystem(case.actual), control.NonlinearIOSystem)
+    with pytest.raises(AnalysisError, match="has events inside its steps"):
+        icmj.to_iosystem(case.actual, case.controller, dt=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller()), "needs dt"),
-        (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(), dt=0.0), "dt must be positive"),
-        (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(Continuous()), dt=0.1), "a continuous trigger has"),
-        (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(delay=Delay(0.1, 0.1)), dt=0.1), "with a delay"),
-        (
-            lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(ClockTrigger(0.5), delay=Delay(0.1, 0.1))),
-            "with a delay",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("make", "words"), [
+    (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller()), "needs dt"),
+    (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(), dt=0.0), "dt must be positive"),
+    (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(Continuous()), dt=0.1), "a continuous trigger has"),
+    (lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(delay=Delay(0.1, 0.1)), dt=0.1), "with a delay"),
+    (
+        lambda: icmj.to_iosystem(actual_plant("b0.8"), controller(ClockTrigger(0.5), delay=Delay(0.1, 0.1))),
+        "with a delay",
+    ),
+])  # fmt: skip
 def test_what_has_no_such_form_is_refused(make, words):
     with pytest.raises(AnalysisError, match=words):
         make()
-
-
-def test_events_inside_the_steps_of_the_engine_have_no_such_form(root):
-    case = icmj.prepare(icmj.load_run(root / "runs" / "simple-0.8.toml"))
-    with pytest.raises(AnalysisError, match="has events inside its steps"):
-        icmj.to_iosystem(case.actual, case.controller, dt=1e-3)
 
 
 def test_names_have_no_points():

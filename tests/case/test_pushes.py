@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.case.case import prepare, simulate
+from icmj import load_run, prepare, simulate
 from icmj.errors import RunFileError
 from icmj.log.writer import groups
-from icmj.runfile.reading import load_run
 
 TRUNK = {"kind": "impulse", "body": "trunk", "force": [0.02, 0.0, 0.0], "point": [0.0, 0.0, 0.3], "start": 0.4}
 PUSHES = [
@@ -55,13 +54,10 @@ def test_it_is_logged_exported_and_shown(case, tmp_path, plant):
     np.testing.assert_array_equal(shown.values, result.simulation.push_values)
 
 
-def test_a_body_that_is_not_there_is_told_with_those_that_are(case):
+def test_names_that_are_not_there_are_told_with_those_that_are_and_a_limit_has_the_names_of_states(case):
     wrong = [{**TRUNK, "body": "trnk"}]
     with pytest.raises(RunFileError, match=r"simulation.disturbance names 'trnk', which the model lacks.*trunk"):
         prepare(case.run.with_(**{"simulation.disturbance": wrong}))
-
-
-def test_a_limit_by_name_is_one_of_the_states(case):
     with pytest.raises(RunFileError, match=r"simulation.limit names 'anckle', which the model lacks.*ankle"):
         prepare(case.run.with_(**{"simulation.limit": {"anckle": 0.5}}))
     run = simulate(prepare(case.run.with_(**{"simulation.limit": {"hip": 1e-4}})), "linear")

@@ -1,19 +1,12 @@
 """``icmj continue`` from the command line: what it writes, and what it draws beneath."""
 
-from __future__ import annotations
-
-from pathlib import Path
 from typing import Any
-
-import pytest
 
 import icmj.report.branch as drawing
 from icmj.cli.main import main
 
 
-def test_a_branch_without_a_plant_named_is_drawn_over_the_linear_prediction(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_branch_without_a_plant_named_is_drawn_over_the_linear_prediction(tmp_path, monkeypatch):
     drawn: list[tuple[Any, Any]] = []
     original = drawing.branch_figure
 

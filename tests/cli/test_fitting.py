@@ -8,7 +8,6 @@ import pytest
 
 from icmj.cli.arguments import Fit
 from icmj.cli.files import people_of
-from icmj.cli.main import main
 from icmj.errors import FitError
 from icmj.fitting.recordings import MOST, TrialOf
 from icmj.work.own_code import FAMILIES
@@ -25,29 +24,24 @@ def recording(tmp_path):
     return path
 
 
-@pytest.mark.parametrize(
-    ("more", "line"),
-    [
-        ((), "no family; give --model"),
-        (("--model", "event", "--table", "people.csv"), "either recordings or --table"),
-        (("--model", "event", "--simulations", "10"), "--simulations 10: expected at least 200"),
-        (("--model", "event", "--draws", "1"), "--draws 1: expected at least 100"),
-        (("--model", "event", "--hold-out", "-1"), "--hold-out -1: expected at least 0"),
-        (("--model", "event", "--jobs", "0"), "--jobs 0: expected at least 1"),
-        (("--model", "event"), "which column is front to back"),
-    ],
-)
-def test_one_line_each(recording, more, line, capsys, tmp_path) -> None:
-    assert main(["fit", str(recording), *more, "--out", str(tmp_path / "out")]) != 0
-    said = capsys.readouterr().err.strip()
+@pytest.mark.parametrize(("more", "line"), [
+    ((), "no family; give --model"),
+    (("--model", "event", "--table", "people.csv"), "either recordings or --table"),
+    (("--model", "event", "--simulations", "10"), "--simulations 10: expected at least 200"),
+    (("--model", "event", "--draws", "1"), "--draws 1: expected at least 100"),
+    (("--model", "event", "--hold-out", "-1"), "--hold-out -1: expected at least 0"),
+    (("--model", "event", "--jobs", "0"), "--jobs 0: expected at least 1"),
+    (("--model", "event"), "which column is front to back"),
+])  # fmt: skip
+def test_one_line_each(recording, more, line, shell, tmp_path) -> None:
+    (said,) = shell.refuses(["fit", str(recording), *more, "--out", str(tmp_path / "out")]).splitlines()
     assert line in said
-    assert "\n" not in said
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(("family", "known"), [("event", False), ("delayed-pd", False), (None, True)])
 def test_a_delay_is_said_not_to_be_identified_before_anything_is_simulated(
-    family, known, recording, capsys, tmp_path, monkeypatch
+    family, known, recording, shell, tmp_path, monkeypatch
 ) -> None:
     def end(*_, **__):
         raise FitError("here the simulations would begin")
@@ -60,44 +54,38 @@ def test_a_delay_is_said_not_to_be_identified_before_anything_is_simulated(
     monkeypatch.setattr("icmj.fitting.network.library", lambda: None)
     monkeypatch.setattr("icmj.study.fit.fit", end)
     told = ["fit", str(recording), "--columns", "first", "--model", str(family), "--out", str(tmp_path / "out")]
-    assert main(told) == 2
-    said = capsys.readouterr().err
+    said = shell.refuses(told)
     assert "here the simulations would begin" in said
     assert ("the delay cannot be identified from quiet standing" in said) is not known
 
 
-@pytest.mark.parametrize(
-    ("table", "line"),
-    [
-        ("file,who\nanna.csv,anna\n", "no column 'person'"),
-        ("file,person,age\nanna.csv,anna,30\n", "unknown column 'age'"),
-        ("file,person\n", "lists no people"),
-        ("file,person\nanna.csv,\n", "line 2: lacks the file or the person"),
-        ("file,person\n\nanna.csv\n", "line 3: lacks the file or the person"),
-        ("file,person\nanna.csv,anna,first\n", "line 2: has 3 cells, and the header 2"),
-        ("file,person,file\nanna.csv,anna,anna.csv\n", "has the column 'file' twice"),
-        ("file,person,column\nanna.csv,anna,first\n./anna.csv,anna,first\n", "./anna.csv is given twice for anna"),
-        ("file,person\n" + "anna.csv,anna\n" * 900_000, "has 12.6 MB or more; expected at most 10 MB"),
-        ('file,person\n"anna.csv,anna\n', "is not a table of text (unexpected end of data)"),
-        ("file,person\n/dev/zero,anna\n", "/dev/zero"),
-        ("file,person\npipe,anna\n", "pipe"),
-        ("file,person,column\nanna.csv,anna,third\n", "third"),
-        ("file,person\nberta.csv,berta\n", "berta.csv"),
-    ],
-)
-def test_a_wrong_table_is_one_line(recording, table, line, capsys, tmp_path) -> None:
+@pytest.mark.parametrize(("table", "line"), [
+    ("file,who\nanna.csv,anna\n", "no column 'person'"),
+    ("file,person,age\nanna.csv,anna,30\n", "unknown column 'age'"),
+    ("file,person\n", "lists no people"),
+    ("file,person\nanna.csv,\n", "line 2: lacks the file or the person"),
+    ("file,person\n\nanna.csv\n", "line 3: lacks the file or the person"),
+    ("file,person\nanna.csv,anna,first\n", "line 2: has 3 cells, and the header 2"),
+    ("file,person,file\nanna.csv,anna,anna.csv\n", "has the column 'file' twice"),
+    ("file,person,column\nanna.csv,anna,first\n./anna.csv,anna,first\n", "./anna.csv is given twice for anna"),
+    ("file,person\n" + "anna.csv,anna\n" * 900_000, "has 12.6 MB or more; expected at most 10 MB"),
+    ('file,person\n"anna.csv,anna\n', "is not a table of text (unexpected end of data)"),
+    ("file,person\n/dev/zero,anna\n", "/dev/zero"),
+    ("file,person\npipe,anna\n", "pipe"),
+    ("file,person,column\nanna.csv,anna,third\n", "third"),
+    ("file,person\nberta.csv,berta\n", "berta.csv"),
+])  # fmt: skip
+def test_a_wrong_table_is_one_line(recording, table, line, shell, tmp_path) -> None:
     path = tmp_path / "people.csv"
     path.write_text(table)
     os.mkfifo(tmp_path / "pipe")
-    assert main(["fit", "--table", str(path), "--model", "event"]) == 2
-    said = capsys.readouterr().err.strip()
+    (said,) = shell.refuses(["fit", "--table", str(path), "--model", "event"]).splitlines()
     assert line in said
-    assert "\n" not in said
 
 
 @pytest.mark.parametrize("name", ["people.csv", "BDSinfo.txt"])
 @pytest.mark.parametrize("kind", ["pipe", "device", "folder", "large"])
-def test_a_table_that_is_no_file_is_one_line(name, kind, capsys, tmp_path) -> None:
+def test_a_table_that_is_no_file_is_one_line(name, kind, shell, tmp_path) -> None:
     """A pipe was waited for without end, and 6.4 GB of a device were read."""
     path = tmp_path / name
     if kind == "pipe":
@@ -109,8 +97,7 @@ def test_a_table_that_is_no_file_is_one_line(name, kind, capsys, tmp_path) -> No
     else:
         with path.open("wb") as file:
             file.truncate(20_000_000)
-    assert main(["fit", "--table", str(path), "--model", "event"]) == 2
-    said = capsys.readouterr().err.strip()
+    said = shell.refuses(["fit", "--table", str(path), "--model", "event"]).strip()
     words = "has 20 MB or more; expected at most 10 MB" if kind == "large" else f"{name} is a {kind}, not a file"
     assert said == f"icmj: {path}: cannot be read ({words})"
 

@@ -1,6 +1,5 @@
 """The command line's contract: JSON keys, exit status, one line on standard error, nothing written on bad input."""
 
-import json
 import math
 import re
 import subprocess
@@ -25,39 +24,34 @@ COMMANDS = (
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_help_has_an_example(command, capsys):
-    assert main([command, "--help"]) == 0
-    shown = " ".join(capsys.readouterr().out.split())
+def test_help_has_an_example(command, shell):
+    shown = " ".join(shell.says([command, "--help"]).split())
     assert f"Example: icmj {command}" in shown
 
 
-def test_help_imports_nothing_heavy():
+def assert_loads_none_of(heavy: str, *words: str) -> None:
     script = (
-        "import sys\nfrom icmj.cli.main import main\nmain(['--help'])\n"
-        "heavy = {'numpy', 'scipy', 'mujoco', 'rerun', 'numba', 'matplotlib', 'control', 'pydantic'}\n"
-        "sys.exit(', '.join(sorted(heavy & set(sys.modules))) or 0)"
+        f"import sys\nfrom icmj.cli.main import main\nassert main({list(words)}) == 0\n"
+        f"sys.exit(', '.join(sorted(set({heavy.split()}) & set(sys.modules))) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_help_imports_nothing_heavy():
+    assert_loads_none_of("numpy scipy mujoco rerun numba matplotlib control pydantic", "--help")
 
 
 @pytest.mark.parametrize(
     ("command", "file"), [("analyse", "runs/simple-0.8.toml"), ("linearise", "models/three_link.xml")]
 )
 def test_a_command_loads_only_what_it_needs(root, command, file):
-    script = (
-        f"import sys\nfrom icmj.cli.main import main\nassert main([{command!r}, {str(root / file)!r}]) == 0\n"
-        "heavy = {'control', 'matplotlib', 'rerun', 'pyarrow', 'numba', 'jinja2'}\n"
-        "heavy |= {f'scipy.{part}' for part in ('optimize', 'signal', 'stats', 'interpolate', 'sparse')}\n"
-        "sys.exit(', '.join(sorted(heavy & set(sys.modules))) or 0)"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    parts = " scipy.optimize scipy.signal scipy.stats scipy.interpolate scipy.sparse"
+    assert_loads_none_of("control matplotlib rerun pyarrow numba jinja2" + parts, command, str(root / file))
 
 
-def test_analyse_json_is_the_contract(root, capsys):
-    assert main(["analyse", str(root / "runs" / "simple-1.7.toml"), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_analyse_json_is_the_contract(root, shell):
+    found = shell.answers(["analyse", str(root / "runs" / "simple-1.7.toml"), "--json"])
     assert {"delta_crit", "eigenvalue", "cycle", "period", "gamma", "amplitude", "crossings"} <= found.keys()
     assert found["delta_crit"] == pytest.approx(1.112, abs=5e-4)
     assert found["eigenvalue"] == pytest.approx([-1, 0], abs=1e-9)
@@ -70,30 +64,23 @@ def test_analyse_json_is_the_contract(root, capsys):
     assert second["largest_other"] == pytest.approx(1.20, abs=5e-3)
 
 
-def test_analyse_json_of_the_exact_model_has_nulls(root, capsys):
-    assert main(["analyse", str(root / "runs" / "simple-exact.toml"), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_analyse_json_has_nulls_and_the_stability_of_either_feedback(root, shell):
+    found = shell.answers(["analyse", str(root / "runs" / "simple-exact.toml"), "--json"])
     assert (found["delta_crit"], found["eigenvalue"], found["period"], found["gamma"]) == (None, None, None, None)
     assert (found["cycle"], found["crossings"]) == (False, [])
-
-
-def test_neglected_dynamics_unstable_under_state_feedback_only(root, capsys):
     for name, stable in (("neglected-0.1", False), ("neglected-0.5", True)):
-        assert main(["analyse", str(root / "runs" / f"{name}.toml"), "--json"]) == 0
-        found = json.loads(capsys.readouterr().out)
+        found = shell.answers(["analyse", str(root / "runs" / f"{name}.toml"), "--json"])
         assert found["continuous_stable"] == {"state_feedback": stable, "observer_feedback": True}
 
 
-def test_analyse_prints_a_table(root, capsys):
-    assert main(["analyse", str(root / "runs" / "three-link-0.9.toml")]) == 0
-    shown = capsys.readouterr().out
+def test_analyse_prints_a_table(root, shell):
+    shown = shell.says(["analyse", str(root / "runs" / "three-link-0.9.toml")])
     assert "0.759379 s" in shown
     assert "attracting" in shown
 
 
-def test_linearise_json_has_matrices_poles_and_names(root, capsys):
-    assert main(["linearise", str(root / "models" / "pendulum.xml"), "--keyframe", "upright", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_linearise_json_has_matrices_poles_and_names(root, shell):
+    found = shell.answers(["linearise", str(root / "models" / "pendulum.xml"), "--keyframe", "upright", "--json"])
     assert found["states"] == ["hinge", "hinge_rate"]
     assert found["inputs"] == ["torque"]
     assert found["outputs"] == ["angle"]
@@ -126,36 +113,32 @@ def test_run_writes_a_log_that_reads_back(root, tmp_path, capsys):
     assert read_log(log).growth is not None
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["analyse"], "missing PATH"),
-        (["analyse", "none.toml"], "none.toml: cannot be read"),
-        (["analyse", "bad.toml"], "bad.toml: not TOML"),
-        (["analyse", "lost.toml"], "no such model file"),
-        (["run", "lost.toml"], "no such model file"),
-        (["cycle", "lost.toml"], "no such model file"),
-        (["continue", "lost.toml", "--parameter", "strength", "--to", "1"], "no parameter 'strength'"),
-        (["continue", "lost.toml", "--parameter", "b", "--to", "2"], "no such model file"),
-        (["run", "lost.toml", "--plant", "paper"], "--plant"),
-        (["study", "lost.toml"], "no such model file"),
-        (["study", "empty"], "no run file"),
-        (["study", "--jobs", "0", "lost.toml"], "--jobs 0"),
-        (["report", "none.rrd"], "none.rrd"),
-        (["report"], "at least one log"),
-        (["replay", "none.rrd", "--screenshot", "a.png"], "none.rrd"),
-        (["linearise", "bad.toml"], "bad.toml: not a usable MJCF model"),
-        (["dance"], "dance"),
-        (["analyse", "bad.toml", "--yaml"], "--yaml"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["analyse"], "missing PATH"),
+    (["analyse", "none.toml"], "none.toml: cannot be read"),
+    (["analyse", "bad.toml"], "bad.toml: not TOML"),
+    (["analyse", "lost.toml"], "no such model file"),
+    (["run", "lost.toml"], "no such model file"),
+    (["cycle", "lost.toml"], "no such model file"),
+    (["continue", "lost.toml", "--parameter", "strength", "--to", "1"], "no parameter 'strength'"),
+    (["continue", "lost.toml", "--parameter", "b", "--to", "2"], "no such model file"),
+    (["run", "lost.toml", "--plant", "paper"], "--plant"),
+    (["study", "lost.toml"], "no such model file"),
+    (["study", "empty"], "no run file"),
+    (["study", "--jobs", "0", "lost.toml"], "--jobs 0"),
+    (["report", "none.rrd"], "none.rrd"),
+    (["report"], "at least one log"),
+    (["replay", "none.rrd", "--screenshot", "a.png"], "none.rrd"),
+    (["linearise", "bad.toml"], "bad.toml: not a usable MJCF model"),
+    (["dance"], "dance"),
+    (["analyse", "bad.toml", "--yaml"], "--yaml"),
+])  # fmt: skip
 def test_bad_input_is_one_line_status_2_and_no_file(arguments, words, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").mkdir()
     (tmp_path / "bad.toml").write_text("x = [\n3 = 4")
-    (tmp_path / "lost.toml").write_text(
-        '[case]\nname = "lost"\ntitle = "Lost"\n[assumed]\nmodel = "gone.xml"\n[controller]\nq_t = 0.01\n'
-    )
+    lost = 'case = { name = "lost", title = "Lost" }\nassumed.model = "gone.xml"\ncontroller.q_t = 0.01\n'
+    (tmp_path / "lost.toml").write_text(lost)
     before = sorted(tmp_path.rglob("*"))
     assert main(arguments) == 2
     out, err = capfd.readouterr()
@@ -200,16 +183,14 @@ initial = { hinge = 0.02 }
 """
 
 
-def test_a_number_that_there_is_not_is_a_dash_with_its_reason_or_null(tmp_path, capsys):
+def test_a_number_that_there_is_not_is_a_dash_with_its_reason_or_null(tmp_path, shell):
     file, why = tmp_path / "drift.toml", "a neutral mode may add any constant"
     file.write_text(DRIFT, encoding="utf-8")
-    assert main(["analyse", str(file)]) == 0
-    shown = capsys.readouterr().out
+    shown = shell.says(["analyse", str(file)])
     assert not re.search(r"\b(nan|inf)\b", shown)
     assert sum(line.rstrip().endswith(" –") for line in shown.splitlines()) >= 1
     assert f"A dash stands where there is no number: {why}." in " ".join(shown.split())
-    assert main(["analyse", str(file), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = shell.answers(["analyse", str(file), "--json"])
     assert found["amplitude"][1] is None
     assert found["missing"] == why
     seen = icmj.prepare(icmj.load_run(file)).prediction
@@ -219,7 +200,7 @@ def test_a_number_that_there_is_not_is_a_dash_with_its_reason_or_null(tmp_path, 
 
 
 @pytest.mark.slow
-def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path, capsys):
+def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path, shell):
     noise = '[[simulation.disturbance]]\nkind = "noise"\ninput = "torque"\nsize = 0.002\nseed = 5\nbandwidth = {}\n'
     text = (root / "runs" / "simple-0.8.toml").read_text(encoding="utf-8").replace("../models", str(root / "models"))
     slow, fast, file = (tmp_path / name for name in ("slow.toml", "fast.toml", "simple-0.8.linear.rrd"))
@@ -233,8 +214,7 @@ def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path
     later = case.run.with_(**{"simulation.duration": 2000.0, "simulation.record_interval": 1.0})
     assert not revise(case, later).notices
     assert str(revise(case, case.run.with_(**{"simulation.disturbance[0].seed": 6})).notices) != str(case.notices)
-    assert main(["analyse", str(fast)]) == 0
-    assert "slow" not in capsys.readouterr().out
+    assert "slow" not in shell.says(["analyse", str(fast)])
     commands = [
         ["analyse", str(slow)],
         ["analyse", str(slow), "--json"],
@@ -244,8 +224,7 @@ def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path
         ["measure", str(file), "--json"],
     ]
     for command in commands:
-        assert main(command) == 0
-        assert told in " ".join(capsys.readouterr().out.split()), command
+        assert told in " ".join(shell.says(command).split()), command
     assert "too short for the slow noise" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
@@ -263,9 +242,7 @@ def test_what_libraries_do_when_the_interpreter_ends_changes_no_status(tmp_path)
 
 
 @pytest.mark.parametrize("there", [False, True])
-def test_what_fails_while_it_runs_names_its_file_and_leaves_no_folder(
-    there, root, tmp_path, monkeypatch, capsys
-) -> None:
+def test_what_fails_while_it_runs_names_its_file_and_leaves_no_folder(there, root, tmp_path, monkeypatch, capsys):
     """524288 stretches of motion to be remembered are found only while the run goes on."""
 
     def fail(*args: object, **kwargs: object) -> None:

@@ -1,7 +1,5 @@
 """A linearisation on the terminal and as a file: every number is there, and a large one can be read."""
 
-from __future__ import annotations
-
 import io
 import re
 
@@ -51,10 +49,9 @@ def test_every_pole_is_shown_once_with_its_time() -> None:
     assert ["-1", "±", "3j", "0.316", "1", "0.4775"] in lines
 
 
-def test_matrices_are_saved_with_their_names(root, tmp_path, capsys) -> None:
+def test_matrices_are_saved_with_their_names(root, tmp_path, shell) -> None:
     file = tmp_path / "three_link.npz"
-    assert main(["linearise", str(root / "models" / "three_link.xml"), "--out", str(file), "--json"]) == 0
-    capsys.readouterr()
+    shell.says(["linearise", str(root / "models" / "three_link.xml"), "--out", str(file), "--json"])
     saved = np.load(file)  # no pickles
     assert saved["A"].shape == (6, 6)
     assert FEW >= 6

@@ -1,22 +1,19 @@
 """``--set`` from end to end: what was set is what ran, and what the log says."""
 
-import json
-
 import numpy as np
 
 from icmj.cli.main import main
 from icmj.runfile.reading import load_run, parse_run
 
 
-def test_a_log_stores_what_really_ran(root, tmp_path, capsys):
+def test_a_log_stores_what_really_ran(root, tmp_path, shell):
     from icmj.log.reader import read_log
 
     path = root / "runs" / "simple-0.8.toml"
     changes = {"actual.gain": 0.85, "controller.q_t": 0.02, "simulation.duration": 9.0, "study.growth_points": 0}
     options = [word for key, value in changes.items() for word in ("--set", f"{key}={value}")]
     options += ["--set", "study.attractor_starts=0", "--set", "case.name=mine"]
-    assert main(["run", str(path), "--plant", "linear", "--out", str(tmp_path), *options]) == 0
-    capsys.readouterr()
+    shell.says(["run", str(path), "--plant", "linear", "--out", str(tmp_path), *options])
 
     result = read_log(tmp_path / "mine.linear.rrd")
     assert list(result.run.changes) == [*changes, "study.attractor_starts", "case.name"]
@@ -29,9 +26,10 @@ def test_a_log_stores_what_really_ran(root, tmp_path, capsys):
     assert result.simulation.t[-1] == 9.0
     assert result.controller.trigger.q_t == 0.02
     assert load_run(path).actual.gain == 0.8
+    assert any("differs from the published case" in notice for notice in result.notices)
 
 
-def test_what_was_set_is_said_wherever_the_title_of_the_file_stands(root, tmp_path, capsys):
+def test_what_was_set_is_said_wherever_the_title_of_the_file_stands(root, tmp_path, capsys, shell):
     """Terminal, replay and report named "b = 0.9" of a case with b = 1, and no mass was to be found on the page."""
     from icmj.log.reader import read_log, static_row
 
@@ -39,8 +37,7 @@ def test_what_was_set_is_said_wherever_the_title_of_the_file_stands(root, tmp_pa
     changes = ["assumed.person.mass=68", "actual.person.mass=80", "actual.gain=1", "simulation.duration=5"]
     options = [word for change in changes for word in ("--set", change)]
     path = str(root / "runs" / "three-link-0.9.toml")
-    assert main(["analyse", path, *options]) == 0
-    said = " ".join(capsys.readouterr().out.split())
+    said = " ".join(shell.says(["analyse", path, *options]).split())
     assert "Three-link standing, b = 0.9 (changed)" in said
     assert f"C{words}" in said
     assert main(["run", path, "--plant", "mujoco", "--out", str(tmp_path), *options]) == 0
@@ -51,8 +48,7 @@ def test_what_was_set_is_said_wherever_the_title_of_the_file_stands(root, tmp_pa
     assert "(changed)" in replayed
     assert f"C{words}" in replayed
     page = tmp_path / "report.html"
-    assert main(["report", str(log), "--out", str(page), "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)["runs"][0]
+    record = shell.answers(["report", str(log), "--out", str(page), "--json"])["runs"][0]
     assert record["changes"] == read_log(log).run.changes_in_words
     text = page.read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
     heading, _, rest = text.partition("<h1>")[2].partition("</h1>")
@@ -64,36 +60,30 @@ def test_what_was_set_is_said_wherever_the_title_of_the_file_stands(root, tmp_pa
     assert "1.8 m, 68 kg" in given
 
 
-def test_analyse_and_study_take_it_too(root, tmp_path, capsys):
+def test_analyse_and_study_take_it_too(root, tmp_path, shell):
     path = root / "runs" / "simple-0.8.toml"
-    assert main(["analyse", str(path), "--json", "--set", "actual.gain=1.2", "--set", "case.name=x"]) == 0
-    changed = json.loads(capsys.readouterr().out)
-    assert main(["analyse", str(root / "runs" / "simple-1.2.toml"), "--json"]) == 0
-    shipped = json.loads(capsys.readouterr().out)
+    changed = shell.answers(["analyse", str(path), "--json", "--set", "actual.gain=1.2", "--set", "case.name=x"])
+    shipped = shell.answers(["analyse", str(root / "runs" / "simple-1.2.toml"), "--json"])
     # the case of another b is the case that ships with it
     assert changed["delta_crit"] == shipped["delta_crit"]
     assert changed["eigenvalue"] == shipped["eigenvalue"]
 
     out = tmp_path / "out"
-    assert main(["study", str(path), "--out", str(out), "--set", "actual.gian=1"]) == 2
-    assert "did you mean gain" in capsys.readouterr().err
+    assert "did you mean gain" in shell.refuses(["study", str(path), "--out", str(out), "--set", "actual.gian=1"])
     assert not out.exists()
 
 
 def test_a_model_beside_the_user_and_not_beside_the_run_file_is_told_where_it_is_looked_for(
-    root, tmp_path, monkeypatch, capsys
+    root, tmp_path, monkeypatch, shell
 ):
     monkeypatch.chdir(tmp_path)
     light = tmp_path / "light.xml"
     light.write_bytes((root / "models" / "three_link.xml").read_bytes())
     case = str(root / "runs" / "three-link-0.9.toml")
     for given in ("light.xml", '"./light.xml"'):
-        assert main(["analyse", case, "--set", f"assumed.model={given}"]) == 2
-        told = capsys.readouterr().err
+        told = shell.refuses(["analyse", case, "--set", f"assumed.model={given}"])
         assert f"{root / 'runs' / 'light.xml'} does not exist" in told
         assert f"give its absolute path, as in --set 'assumed.model=\"{light}\"'" in told
         assert "Traceback" not in told
-    assert main(["analyse", case, "--json", "--set", f'assumed.model="{light}"']) == 0
-    capsys.readouterr()
-    assert main(["analyse", case, "--set", "assumed.model=dark.xml"]) == 2
-    assert "no such model file" in capsys.readouterr().err
+    shell.says(["analyse", case, "--json", "--set", f'assumed.model="{light}"'])
+    assert "no such model file" in shell.refuses(["analyse", case, "--set", "assumed.model=dark.xml"])

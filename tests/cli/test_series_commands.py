@@ -1,19 +1,12 @@
 """Commands on time series: what they write and print, and one line for what they refuse."""
 
-from __future__ import annotations
-
-import json
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from report_cases import result
+from report_cases import result, swaying
 from terminal_cases import told
 
+from icmj import read_series, write_log
 from icmj.cli.main import main
-from icmj.log.writer import write_log
-from icmj.series.reading import read_series
-from icmj.simulation.simulation import Pressure
 
 
 @pytest.fixture(scope="module")
@@ -44,22 +37,19 @@ def test_export_at_a_rate_is_even(log, tmp_path):
     assert rows.t[-1] == pytest.approx(result("b0.8").simulation.t[-1])
 
 
-def test_measure_prints_a_table(log, root, capsys):
-    assert main(["measure", str(root / "examples" / "standing.csv"), "--rate", "100"]) == 0
-    shown = capsys.readouterr().out
+def test_measure_prints_a_table(log, root, shell):
+    shown = shell.says(["measure", str(root / "examples" / "standing.csv"), "--rate", "100"])
     assert "60 s at 100 Hz" in shown
     row = next(line for line in shown.splitlines() if "mean speed" in line)
     assert row.split()[-1] == "0.6202"
-    assert main(["measure", str(log), "--since", "6"]) == 0
-    shown = capsys.readouterr().out
+    shown = shell.says(["measure", str(log), "--since", "6"])
     assert "y.angle (deg)" in shown
     assert "54" in shown
 
 
-def test_measure_json_has_every_measure(root, capsys):
+def test_measure_json_has_every_measure(root, shell):
     file = str(root / "examples" / "standing.csv")
-    assert main(["measure", file, "--rate", "100", "--low-pass", "10", "--band", "0.15", "5", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = shell.answers(["measure", file, "--rate", "100", "--low-pass", "10", "--band", "0.15", "5", "--json"])
     assert [c["name"] for c in found["coordinates"]] == ["ap", "ml"]
     assert found["coordinates"][0]["unit"] == "cm"
     assert found["plane"]["ellipse"]["area"] == pytest.approx(0.9447, rel=1e-3)
@@ -69,25 +59,16 @@ def test_measure_json_has_every_measure(root, capsys):
     assert len(found["spectrum"]["power"]) == 2
 
 
-def test_measure_takes_the_centre_of_pressure_from_a_torque(log, capsys):
-    assert main(["measure", str(log), "--torque", "u.torque", "--weight", "700", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_measure_takes_the_centre_of_pressure_from_a_torque(log, shell):
+    found = shell.answers(["measure", str(log), "--torque", "u.torque", "--weight", "700", "--json"])
     rows = result("b0.8").to_series(100.0)
     assert found["coordinates"][0]["name"] == "cop"
     assert found["coordinates"][0]["rms"] == pytest.approx(rows["u.torque"].std() / 700)
 
 
-def test_measure_takes_the_centre_of_pressure_of_who_stands_on_a_floor(root, tmp_path, capsys):
-    found = result("b0.8")
-    N, none = len(found.simulation.t), np.zeros(0)
-    centre = np.column_stack([0.004 * np.sin(found.simulation.t), np.zeros(N)])
-    ground = Pressure(
-        found.simulation.t, centre, np.zeros(2), (), np.zeros((N, 0)), none, none, *2 * (np.zeros((0, 2)),)
-    )
-    ground = replace(ground, load_after=np.zeros((0, 0)))
-    write_log(replace(found, simulation=replace(found.simulation, pressure=ground)), tmp_path / "floor.rrd")
-    assert main(["measure", str(tmp_path / "floor.rrd")]) == 0
-    assert "cop.x (mm)" in capsys.readouterr().out
+def test_measure_takes_the_centre_of_pressure_of_who_stands_on_a_floor(root, tmp_path, shell):
+    write_log(swaying(result("b0.8")), tmp_path / "floor.rrd")
+    assert "cop.x (mm)" in shell.says(["measure", str(tmp_path / "floor.rrd")])
 
 
 FILES = {
@@ -100,33 +81,30 @@ FILES = {
 }
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["export"], "missing PATH"),
-        (["export", "none.rrd"], "none.rrd: no such log"),
-        (["export", "LOG", "--rate", "0"], "a rate must be positive"),
-        (["export", "LOG", "--rate", "1e12"], "expected at most"),
-        (["export", "LOG", "--to", "npz", "--out", "run.csv"], "ends in .npz, as --to says"),
-        (["export", "LOG", "--out", "run.xlsx"], "ends in .csv, .parquet, .npz"),
-        (["export", "LOG", "--to", "xlsx"], "--to"),
-        (["measure"], "missing PATH"),
-        (["measure", "none.csv"], "none.csv: cannot be read (No such file"),
-        (["measure", "none.rrd"], "none.rrd: no such log"),
-        (["measure", "gap.csv"], "gap.csv: a gap of 1 s after 3 s"),
-        (["measure", "nan.csv"], "nan.csv: a: 399 of 900 values are missing or not finite, the first at 5.01 s"),
-        (["measure", "short.csv"], "short.csv: 2 rows; expected at least 20"),
-        (["measure", "short.csv", "--since", "9"], "short.csv: 0 rows"),
-        (["measure", "wide.csv"], "wide.csv: 8 signals (a, b, c, d, ...); name up to 6 by --columns"),
-        (["measure", "clockless.csv"], "say with --rate how many rows a second has"),
-        (["measure", "words.csv"], "no rows of numbers"),
-        (["measure", "LOG", "--columns", "hip"], "no column 'hip'"),
-        (["measure", "LOG", "--low-pass", "60"], "low-pass of 60 Hz"),
-        (["measure", "LOG", "--band", "5", "1"], "a band of 5 to 1 Hz"),
-        (["measure", "LOG", "--torque", "torque"], "--torque and --weight go together"),
-        (["measure", "LOG", "--torque", "torque", "--weight", "0"], "a weight must be positive"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["export"], "missing PATH"),
+    (["export", "none.rrd"], "none.rrd: no such log"),
+    (["export", "LOG", "--rate", "0"], "a rate must be positive"),
+    (["export", "LOG", "--rate", "1e12"], "expected at most"),
+    (["export", "LOG", "--to", "npz", "--out", "run.csv"], "ends in .npz, as --to says"),
+    (["export", "LOG", "--out", "run.xlsx"], "ends in .csv, .parquet, .npz"),
+    (["export", "LOG", "--to", "xlsx"], "--to"),
+    (["measure"], "missing PATH"),
+    (["measure", "none.csv"], "none.csv: cannot be read (No such file"),
+    (["measure", "none.rrd"], "none.rrd: no such log"),
+    (["measure", "gap.csv"], "gap.csv: a gap of 1 s after 3 s"),
+    (["measure", "nan.csv"], "nan.csv: a: 399 of 900 values are missing or not finite, the first at 5.01 s"),
+    (["measure", "short.csv"], "short.csv: 2 rows; expected at least 20"),
+    (["measure", "short.csv", "--since", "9"], "short.csv: 0 rows"),
+    (["measure", "wide.csv"], "wide.csv: 8 signals (a, b, c, d, ...); name up to 6 by --columns"),
+    (["measure", "clockless.csv"], "say with --rate how many rows a second has"),
+    (["measure", "words.csv"], "no rows of numbers"),
+    (["measure", "LOG", "--columns", "hip"], "no column 'hip'"),
+    (["measure", "LOG", "--low-pass", "60"], "low-pass of 60 Hz"),
+    (["measure", "LOG", "--band", "5", "1"], "a band of 5 to 1 Hz"),
+    (["measure", "LOG", "--torque", "torque"], "--torque and --weight go together"),
+    (["measure", "LOG", "--torque", "torque", "--weight", "0"], "a weight must be positive"),
+])  # fmt: skip
 def test_bad_input_is_one_line_status_2_and_no_file(log, arguments, words, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     for name, text in FILES.items():

@@ -1,6 +1,5 @@
 """``icmj new``: a run file to begin with; what is there is not overwritten."""
 
-import json
 import re
 import tomllib
 from pathlib import Path
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 from terminal_cases import told
 
-from icmj.case.case import prepare
+from icmj import load_family, load_run, prepare, read_sweep
 from icmj.case.drafting import table_of
 from icmj.cli import files
 from icmj.cli.arguments import Fit
@@ -17,11 +16,8 @@ from icmj.cli.files import people_of
 from icmj.cli.main import main
 from icmj.cli.terminal import Terminal
 from icmj.fitting.bank import simulate_bank
-from icmj.fitting.family import load_family
 from icmj.runfile.experiment_tables import ExperimentFile, load_experiment
-from icmj.runfile.reading import load_run
 from icmj.runfile.sweep_tables import FamilyFile, SweepFile, docstrings, load_family_file, load_sweep
-from icmj.study.sweep import read_sweep
 from icmj.work.own_code import EXPERIMENTS, FAMILIES, RUNS, SWEEPS
 
 
@@ -31,25 +27,21 @@ def elsewhere(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_model_gets_a_run_file_that_analyse_takes(capsys):
-    assert main(["new", "pendulum"]) == 0
-    shown = capsys.readouterr().out
+def test_a_model_gets_a_run_file_that_analyse_takes(shell):
+    shown = shell.says(["new", "pendulum"])
     assert "run file  pendulum.toml" in shown
     assert "inputs    torque" in shown
     assert "Δ_crit = " in shown
-    assert main(["analyse", "pendulum.toml"]) == 0
-    assert "attracting" in capsys.readouterr().out
+    assert "attracting" in shell.says(["analyse", "pendulum.toml"])
     before = Path("pendulum.toml").read_bytes()
-    assert main(["new", "pendulum"]) == 2
-    assert capsys.readouterr().err == "icmj: pendulum.toml: exists already; choose another name with --out\n"
+    assert shell.refuses(["new", "pendulum"]) == "icmj: pendulum.toml: exists already; choose another name with --out\n"
     assert Path("pendulum.toml").read_bytes() == before
     assert main(["new", "pendulum", "--out", "another.toml"]) == 0
     assert load_run("another.toml").case.name == "pendulum"
 
 
-def test_what_was_chosen_for_b_and_whether_it_stands_are_told(capsys):
-    assert main(["new", "one_link"]) == 0
-    shown = " ".join(capsys.readouterr().out.split())
+def test_what_was_chosen_for_b_and_whether_it_stands_are_told(capsys, shell):
+    shown = " ".join(shell.says(["new", "one_link"]).split())
     b = load_run("one_link.toml").actual.gain
     assert b == 0.9
     assert f"b {b}, an example: the actual inputs do {b} of what the controller assumes (actual.gain)" in shown
@@ -65,43 +57,37 @@ def test_what_was_chosen_for_b_and_whether_it_stands_are_told(capsys):
         assert words in " ".join(capsys.readouterr().out.replace("\N{NO-BREAK SPACE}", " ").split()), gain
 
 
-def test_the_weights_are_told_and_that_shipped_cases_have_others(capsys):
+def test_the_weights_are_told_and_that_shipped_cases_have_others(shell):
     """Δ_crit was 0.4045 s where the tutorial's was 0.7594 s, and nothing said why."""
-    assert main(["new", "three_link"]) == 0
-    shown = " ".join(capsys.readouterr().out.split())
+    shown = " ".join(shell.says(["new", "three_link"]).split())
     assert "weights R_c = 2e-05, R_o = 2e-06, from the gain of the plant" in shown
     told = "the shipped case three-link-0.9 has this model with R_c = 5e-07 and R_o = 2e-07, and so another Δ_crit"
     assert told in shown
     assert main(["new", "three-link-0.9"]) == 0
 
 
-def test_a_name_that_is_none_is_told_the_shipped_ones(capsys):
+def test_a_name_that_is_none_is_told_the_shipped_ones(shell):
     for command, listed in (
         ("analyse", "shipped cases: neglected-0.1, "),
         ("sweep", "shipped sweeps: basins, "),
         ("experiment", "shipped experiments: double-step"),
         ("new", "shipped models: one_link, pendulum, "),
     ):
-        assert main([command, "nosuch"]) == 2
-        assert listed in capsys.readouterr().err
-    assert main(["analyse", "none/such.toml"]) == 2
-    assert "shipped" not in capsys.readouterr().err
+        assert listed in shell.refuses([command, "nosuch"])
+    assert "shipped" not in shell.refuses(["analyse", "none/such.toml"])
 
 
-def test_a_value_changed_by_set_is_not_told_that_the_paper_has_another(capsys, elsewhere):
-    assert main(["analyse", "three-link-0.9", "--set", "actual.gain=0.85"]) == 0
-    assert "case.paper" not in capsys.readouterr().out
+def test_a_value_changed_by_set_is_not_told_that_the_paper_has_another(shell, elsewhere):
+    assert "case.paper" not in shell.says(["analyse", "three-link-0.9", "--set", "actual.gain=0.85"])
     command = ["run", "simple-0.8", "--plant", "linear", "--out", "out", "--set", "simulation.duration=3"]
-    assert main([*command, "--set", "actual.gain=0.85"]) == 0
-    assert "case.paper" not in capsys.readouterr().out
+    assert "case.paper" not in shell.says([*command, "--set", "actual.gain=0.85"])
     assert main(["new", "simple-0.8", "--out", "mine.toml"]) == 0
     mine = elsewhere / "mine.toml"
     mine.write_text(mine.read_text(encoding="utf-8").replace("gain = 0.8", "gain = 0.85"), encoding="utf-8")
-    assert main(["analyse", "mine.toml"]) == 0
-    assert "differs from the published case" in capsys.readouterr().out
+    assert "differs from the published case" in shell.says(["analyse", "mine.toml"])
 
 
-def test_a_shipped_case_comes_with_its_models(capsys, root):
+def test_a_shipped_case_comes_with_its_models(capsys, shell, root):
     assert main(["new", "neglected-0.1", "--out", "mine.toml"]) == 0
     assert {path.name for path in Path().iterdir()} == {"mine.toml", "pendulum.xml", "pendulum_neglected.xml"}
     run, shipped = load_run("mine.toml"), load_run("neglected-0.1")
@@ -110,8 +96,7 @@ def test_a_shipped_case_comes_with_its_models(capsys, root):
     assert run.case.paper == shipped.case.paper
     capsys.readouterr()
     Path("three_link.xml").write_text("<mujoco/>")
-    assert main(["new", "three-link-0.9"]) == 2
-    assert "three_link.xml: exists already and is another model" in capsys.readouterr().err
+    assert "three_link.xml: exists already and is another model" in shell.refuses(["new", "three-link-0.9"])
     assert not Path("three-link-0.9.toml").exists()
     assert Path("three_link.xml").read_text() == "<mujoco/>"
 
@@ -162,10 +147,9 @@ def test_every_key_is_in_a_first_file_with_its_meaning(what, schema, capsys):
     assert all(len(line) <= 120 for line in text.splitlines() if line.startswith("#") and " = " not in line)
 
 
-def test_a_first_sweep_runs_as_it_is(capsys):
+def test_a_first_sweep_runs_as_it_is(shell):
     file_for("sweep")
-    assert main(["sweep", "sweep.toml", "--out", "out", "--jobs", "1"]) == 0
-    shown = capsys.readouterr().out
+    shown = shell.says(["sweep", "sweep.toml", "--out", "out", "--jobs", "1"])
     swept = read_sweep(Path("out"))
     assert swept.title == "Simple system, b = 0.8, over b"
     assert swept.title in shown
@@ -179,9 +163,8 @@ def test_a_first_sweep_runs_as_it_is(capsys):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("stimulus", STIMULI)
-def test_a_first_experiment_runs_as_it_is(stimulus, capsys):
-    assert main(["experiment", str(file_for(stimulus)), "--out", "out", "--jobs", "1"]) == 0
-    shown = " ".join(capsys.readouterr().out.split())
+def test_a_first_experiment_runs_as_it_is(stimulus, shell):
+    shown = " ".join(shell.says(["experiment", str(file_for(stimulus)), "--out", "out", "--jobs", "1"]).split())
     assert "own, linear, 1 trial" in shown
     assert "continuous, linear, 1 trial" in shown
     assert Path("out/report.html").exists()
@@ -195,22 +178,20 @@ def test_a_first_family_is_simulated_as_it_is():
     assert np.isfinite(bank.stood.summaries).all()
 
 
-def test_a_first_table_lists_recordings_as_they_are_fitted(capsys, root, elsewhere):
+def test_a_first_table_lists_recordings_as_they_are_fitted(shell, root, elsewhere):
     (elsewhere / "of").mkdir()
     cells = np.loadtxt(root / "examples" / "standing.csv", delimiter=",", skiprows=4)[:, 0]
     rows = "".join(f"{i / 100},{value}\n" for i, value in enumerate(cells))
     Path("anna.csv").write_text(f"t [s],cop_ap [cm]\n{rows}")
     Path("ben.csv").write_text("t [s],cop.x\n0,1\n")
-    assert main(["new", "recordings", "anna.csv", "ben.csv", "--out", "of/people.csv"]) == 0
-    said = capsys.readouterr().out
+    said = shell.says(["new", "recordings", "anna.csv", "ben.csv", "--out", "of/people.csv"])
     assert "note: ben.csv" in said
     assert "note: anna.csv" not in said
     table = Path("of/people.csv")
     table.write_text(table.read_text(encoding="utf-8").replace("../ben.csv,,ben,,\n", ""), encoding="utf-8")
     (one,) = people_of(Fit(table=table))
     assert (one.label, len(one.trials)) == ("anna", 1)
-    assert main(["new", "recordings"]) == 2
-    assert "no recording to list; give files" in capsys.readouterr().err
+    assert "no recording to list; give files" in shell.refuses(["new", "recordings"])
 
 
 def test_a_first_file_is_of_the_run_file_that_is_given(capsys, elsewhere):
@@ -232,62 +213,51 @@ def test_a_first_file_is_of_the_run_file_that_is_given(capsys, elsewhere):
 
 
 @pytest.mark.parametrize("name", [*SWEEPS.files, *EXPERIMENTS.files, *FAMILIES.files])
-def test_what_is_shipped_is_copied_and_means_the_same(name, capsys):
-    assert main(["new", name, "--out", "mine.toml"]) == 0
-    assert "next      icmj " in capsys.readouterr().out
+def test_what_is_shipped_is_copied_and_means_the_same(name, shell):
+    assert "next      icmj " in shell.says(["new", name, "--out", "mine.toml"])
     for shelf, load in ((SWEEPS, load_sweep), (EXPERIMENTS, load_experiment), (FAMILIES, load_family_file)):
         if name in shelf.files:
             runs = [getattr(file, "runs", ()) or (file.base,) for file in (load("mine.toml"), load(name))]
             assert [run.fingerprint for run in runs[0]] == [run.fingerprint for run in runs[1]]
-    assert main(["new", name, "--out", "mine.toml"]) == 2
-    assert "mine.toml: exists already" in capsys.readouterr().err
+    assert "mine.toml: exists already" in shell.refuses(["new", name, "--out", "mine.toml"])
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["pendulum", "three_link"], "three_link: one too many; icmj new takes one model or run file"),
-        (["sweep", "nosuch"], "nosuch: cannot be read (No such file or directory); shipped cases: "),
-        (["pendulm"], "pendulm: no such model file; did you mean pendulum?"),
-        (["pendulum", "--out", "none/x.toml"], "none/x.toml: no such folder"),
-        (["pendulum", "--keyframe", "lying"], "no keyframe 'lying'; it has upright"),
-        (["bad.xml"], "bad.xml: not a usable MJCF model"),
-    ],
-)
-def test_what_is_not_there_is_one_line_and_no_file(words, said, capsys, elsewhere):
+@pytest.mark.parametrize(("words", "said"), [
+    (["pendulum", "three_link"], "three_link: one too many; icmj new takes one model or run file"),
+    (["sweep", "nosuch"], "nosuch: cannot be read (No such file or directory); shipped cases: "),
+    (["pendulm"], "pendulm: no such model file; did you mean pendulum?"),
+    (["pendulum", "--out", "none/x.toml"], "none/x.toml: no such folder"),
+    (["pendulum", "--keyframe", "lying"], "no keyframe 'lying'; it has upright"),
+    (["bad.xml"], "bad.xml: not a usable MJCF model"),
+])  # fmt: skip
+def test_what_is_not_there_is_one_line_and_no_file(words, said, shell, elsewhere):
     (elsewhere / "bad.xml").write_text("<mujoco")
-    assert main(["new", *words]) == 2
-    err = capsys.readouterr().err
+    err = shell.refuses(["new", *words])
     assert said in err
     assert len(told(err)) == 1
     assert [path.name for path in elsewhere.iterdir()] == ["bad.xml"]
 
 
-def test_what_is_in_the_way_is_a_note(capsys, elsewhere):
-    (elsewhere / "loose.xml").write_text(
-        '<mujoco><worldbody><body><joint name="a"/><geom size="1"/></body></worldbody></mujoco>'
-    )
-    assert main(["new", "loose.xml"]) == 0
-    assert "note: it does not run as written; model" in capsys.readouterr().out
+def test_what_is_in_the_way_is_a_note(shell, elsewhere):
+    body = '<body><joint name="a"/><geom size="1"/></body>'
+    (elsewhere / "loose.xml").write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    assert "note: it does not run as written; model" in shell.says(["new", "loose.xml"])
     assert (elsewhere / "loose.toml").exists()
 
 
-def test_all_that_is_shipped_is_listed_whole_at_sixty_columns(capsys, monkeypatch):
+def test_all_that_is_shipped_is_listed_whole_at_sixty_columns(shell, monkeypatch):
     """A name that no command knew was answered by a row of names, and nothing said what they are."""
-    assert main(["cases", "--json"]) == 0
-    listed = json.loads(capsys.readouterr().out)
+    listed = shell.answers(["cases", "--json"])
     names = [one["name"] for kind in ("cases", "rivals", "joystick") for one in listed[kind]]
     assert sorted(names) == sorted(RUNS.files)
     assert [one["name"] for one in listed["sweeps"]] == list(SWEEPS.files)
     assert [one["name"] for one in listed["experiments"]] == list(EXPERIMENTS.files)
     monkeypatch.setattr(files, "OUT", terminal := Terminal(width=60, force_terminal=True, color_system=None))
-    assert main(["cases"]) == 0
-    shown = capsys.readouterr().out
+    shown = shell.says(["cases"])
     assert max(map(len, shown.splitlines())) <= terminal.width
     words = " ".join(shown.split())
     for one in (one for kind in listed.values() for one in kind):
         assert one["about"].endswith(".")
         assert 30 < len(one["about"]) < 200
         assert f"{one['name']}: {one['title']} {one['about']}" in words
-    assert main(["analyse", "nosuch"]) == 2
-    assert capsys.readouterr().err.endswith("; icmj cases describes them\n")
+    assert shell.refuses(["analyse", "nosuch"]).endswith("; icmj cases describes them\n")

@@ -1,7 +1,5 @@
 """A measure that the table, the JSON or the documentation forgets is no measure that anyone finds."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -62,9 +60,8 @@ def test_every_measure_is_in_the_one_list_in_the_table_and_in_the_json(sway: Swa
         assert listed(other) != listed(measures), f"{'.'.join(way)} is not in icmj/measurement/sway.py's list"
         assert _rows(LISTS[part], other) != _rows(LISTS[part], measures)
         swapped = {"coordinates": (other,)} if part == "coordinate" else {"plane": other}
-        assert json.dumps(record(replace(sway, **swapped))) != json.dumps(record(sway)), (
-            f"{'.'.join(way)} is in no JSON"
-        )
+        other_record = json.dumps(record(replace(sway, **swapped)))
+        assert other_record != json.dumps(record(sway)), f"{'.'.join(way)} is in no JSON"
 
 
 def test_batches_experiments_and_fits_take_their_measures_from_the_list(sway: Sway) -> None:

@@ -1,9 +1,6 @@
 """Tables on narrow terminals and in pipes: every digit is there, whatever gives way."""
 
-from __future__ import annotations
-
 import io
-import json
 import re
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,7 +9,6 @@ import pytest
 
 from benchmarks.__main__ import show_compared, show_measured
 from benchmarks.row import Row
-from icmj.cli.main import main
 from icmj.cli.printing import show_comparisons
 from icmj.cli.terminal import Column, Terminal, show_table
 from icmj.work.own_code import RUNS
@@ -125,16 +121,14 @@ def test_the_least_important_column_gives_way_first_and_a_list_is_the_last_resor
     ]  # fmt: skip
 
 
-def test_json_of_a_run_is_the_record_of_the_summary(tmp_path, capsys):
+def test_json_of_a_run_is_the_record_of_the_summary(tmp_path, shell):
     command = ["run", "simple-0.8", "--plant", "linear", "--set", "simulation.duration=12", "--out", str(tmp_path)]
-    assert main([*command, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    found = shell.answers([*command, "--json"])
     (run,) = found["runs"]
     (log,) = found["logs"]
     assert run["predicted"]["delta_crit"] == pytest.approx(1.8065408)
     assert run["measured"]["kind"]
     assert found["outcome"] == {"kind": "completed", "t": 12.0}
-    assert main(["report", log, "--out", str(tmp_path / "page.html"), "--json"]) == 0
-    again = json.loads(capsys.readouterr().out)
+    again = shell.answers(["report", log, "--out", str(tmp_path / "page.html"), "--json"])
     assert again["runs"] == [run]
     assert Path(again["report"]).is_file()

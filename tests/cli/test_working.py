@@ -1,7 +1,5 @@
 """Progress: how often a line comes, the time that remains, and the line of a terminal that changes in place."""
 
-from __future__ import annotations
-
 import io
 import re
 import time

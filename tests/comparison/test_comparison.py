@@ -1,7 +1,5 @@
 """A run against its prediction: the numbers by hand."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -9,17 +7,9 @@ import numpy as np
 import pytest
 from report_cases import result
 
-from icmj.case.case import prepare, simulate
-from icmj.case.comparison import (
-    INTERVAL_TOLERANCE,
-    MIRROR_TOLERANCE,
-    compare,
-    on_predicted_cycle,
-    to_json,
-    verdict_in_words,
-)
-from icmj.measurement.measurement import measure
-from icmj.runfile.reading import load_run
+from icmj import load_run, measure, prepare, simulate
+from icmj.case import comparison as of
+from icmj.case.comparison import compare, on_predicted_cycle, to_json, verdict_in_words
 
 
 @pytest.mark.parametrize(("name", "period_in_intervals"), [("b0.8", 1), ("b1.2", 2), ("neglected", 1)])
@@ -33,27 +23,20 @@ def test_a_run_on_the_predicted_cycle(name, period_in_intervals):
     assert comparison.words == verdict_in_words(result(name), True)
 
 
-def test_errors_are_relative_to_the_prediction():
+def test_errors_are_relative_to_the_prediction_and_the_largest_keeps_its_sign():
     found = result("b0.8")
-    measurement = replace(
-        found.measurement,
-        interval=found.prediction.delta_crit * 1.01,
-        period=found.prediction.delta_crit * 0.98,
-        amplitude=found.prediction.amplitude * 1.5,
-    )
+    delta, amplitude = found.prediction.delta_crit, found.prediction.amplitude
+    measurement = replace(found.measurement, interval=1.01 * delta, period=0.98 * delta, amplitude=1.5 * amplitude)
     error = compare(replace(found, measurement=measurement)).relative_error
     assert error.interval == pytest.approx(0.01)
     assert error.period == pytest.approx(-0.02)
     assert error.amplitude == pytest.approx([0.5])
-
-
-def test_largest_amplitude_error_keeps_its_sign():
     found = result("three-link")
     measurement = replace(found.measurement, amplitude=found.prediction.amplitude * [1.001, 0.99, 1.002])
     assert compare(replace(found, measurement=measurement)).relative_error.largest_amplitude == pytest.approx(-0.01)
 
 
-@pytest.mark.parametrize("factor", [1 - 1.01 * INTERVAL_TOLERANCE, 1 + 1.01 * INTERVAL_TOLERANCE])
+@pytest.mark.parametrize("factor", [1 - 1.01 * of.INTERVAL_TOLERANCE, 1 + 1.01 * of.INTERVAL_TOLERANCE])
 def test_a_cycle_with_another_interval_is_not_the_predicted_one(factor):
     found = result("b0.8")
     other = replace(found.measurement, interval=found.prediction.delta_crit * factor)
@@ -109,12 +92,14 @@ def test_a_cycle_that_has_lost_its_symmetry_is_another():
     prediction, motion = _settled("simple-1.7", "linear", actual__gain=1.5315, simulation__duration=12000.0)
     assert (motion.kind, motion.p, motion.mirrored) == ("cycle", 2, False)
     assert prediction.verdict == "repelling"
-    assert np.abs(motion.intervals / prediction.delta_crit - 1).max() < INTERVAL_TOLERANCE
-    assert motion.asymmetry < MIRROR_TOLERANCE
+    assert np.abs(motion.intervals / prediction.delta_crit - 1).max() < of.INTERVAL_TOLERANCE
+    assert motion.asymmetry < of.MIRROR_TOLERANCE
     assert not on_predicted_cycle(prediction, motion)
 
 
-@pytest.mark.parametrize(("asymmetry", "near"), [(0.99 * MIRROR_TOLERANCE, True), (1.01 * MIRROR_TOLERANCE, False)])
+@pytest.mark.parametrize(
+    ("asymmetry", "near"), [(0.99 * of.MIRROR_TOLERANCE, True), (1.01 * of.MIRROR_TOLERANCE, False)]
+)
 def test_how_far_a_cycle_may_be_from_its_mirror_image(asymmetry, near):
     found = result("b1.2")
     motion = replace(found.measurement, mirrored=False, asymmetry=asymmetry)
@@ -145,11 +130,8 @@ def test_record_is_plain_json(name):
     assert isinstance(record["measured"]["amplitude"], list)
 
 
-def test_eigenvalue_is_written_as_real_and_imaginary_part():
+def test_an_eigenvalue_is_written_as_real_and_imaginary_part_and_null_for_what_is_not_a_number():
     assert to_json(compare(result("b1.2")))["predicted"]["eigenvalue"] == [-1.0, 0.0]
-
-
-def test_record_has_null_for_what_is_not_a_number():
     found = result("exact")
     record = to_json(compare(replace(found, measurement=replace(found.measurement, interval=float("nan")))))
     assert record["measured"]["interval"] is None

@@ -1,7 +1,5 @@
 """Each fact is said once, and nowhere forgotten; files keep the names that they had."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Switched feedback of several joints: against its equation, the one-joint controller, and the method of steps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +7,10 @@ import pytest
 from oracles.delay import of_law
 from tapped_cases import BODY, SWITCHING
 
+from icmj import LinearPlant, Settings
 from icmj.controller.delayed import Channel, SwitchingChannels
 from icmj.errors import AnalysisError
 from icmj.linear.run import simulate
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
 
 # two links on each other, coupled, both falling
 STIFF = np.array([[2.2, -0.8], [-0.9, 3.1]])
@@ -55,9 +52,8 @@ def test_one_channel_is_the_one_joint_controller() -> None:
     law = SWITCHING
     channel = Channel("theta", "omega", float(law.P[0]), float(law.D[0]), slope=law.slope, dead_zone=law.dead_zone)
     settings = Settings(duration=20.0)
-    mine, known = (
-        simulate(BODY, each, settings, x0=[0.01, 0.0]) for each in (SwitchingChannels(BODY, (channel,), law.delay), law)
-    )
+    laws = (SwitchingChannels(BODY, (channel,), law.delay), law)
+    mine, known = (simulate(BODY, each, settings, x0=[0.01, 0.0]) for each in laws)
     np.testing.assert_array_equal(mine.x, known.x)
     assert mine.modes == known.modes == ("on", "off")
 
@@ -73,21 +69,17 @@ def test_it_moves_as_the_method_of_steps_says(channels: tuple[Channel, ...]) -> 
     assert np.abs(run.x - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: SwitchingChannels(TWO, (), 0.1), "at least one channel"),
-        (lambda: SwitchingChannels(TWO, (ANKLE,), 0.0), "must be positive"),
-        (lambda: SwitchingChannels(TWO, (HIP,) * 6, 0.1), "at most 5 channels can switch"),
-        (lambda: SwitchingChannels(TWO, (replace(HIP, input=""),), 0.1), "name the input of each channel"),
-        (lambda: SwitchingChannels(TWO, (replace(HIP, rate="knee"),), 0.1), "the plant's outputs are theta, phi"),
-        (lambda: SwitchingChannels(TWO, (replace(HIP, rate={"phi": 2.0}),), 0.1), "the same combination"),
-        (lambda: SwitchingChannels(TWO, (replace(HIP, position={"phi": 0.0}),), 0.1), "not all zero"),
-        (lambda: replace(HIP, P=np.inf), "P of a channel must be a finite number"),
-        (lambda: replace(HIP, dead_zone=-1.0), "dead zone of a channel"),
-    ],
-)
+@pytest.mark.parametrize(("make", "words"), [
+    (lambda: SwitchingChannels(TWO, (), 0.1), "at least one channel"),
+    (lambda: SwitchingChannels(TWO, (ANKLE,), 0.0), "must be positive"),
+    (lambda: SwitchingChannels(TWO, (HIP,) * 6, 0.1), "at most 5 channels can switch"),
+    (lambda: SwitchingChannels(TWO, (replace(HIP, input=""),), 0.1), "name the input of each channel"),
+    (lambda: SwitchingChannels(TWO, (replace(HIP, rate="knee"),), 0.1), "the plant's outputs are theta, phi"),
+    (lambda: SwitchingChannels(TWO, (replace(HIP, rate={"phi": 2.0}),), 0.1), "the same combination"),
+    (lambda: SwitchingChannels(TWO, (replace(HIP, position={"phi": 0.0}),), 0.1), "not all zero"),
+    (lambda: replace(HIP, P=np.inf), "P of a channel must be a finite number"),
+    (lambda: replace(HIP, dead_zone=-1.0), "dead zone of a channel"),
+])  # fmt: skip
 def test_what_makes_no_sense_is_refused(make, words: str) -> None:
-    with pytest.raises(AnalysisError, match=words) as told:
+    with pytest.raises(AnalysisError, match=words):
         make()
-    assert "\n" not in str(told.value)

@@ -1,17 +1,15 @@
 """Holds, triggers and event weights: what is accepted and what is refused."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, Design, Hold, design_lq, system_matched, zero_order
+from icmj import Controller, Delay, Design, Hold, LinearPlant, design_lq, error_system, system_matched, zero_order
 from icmj.controller.trigger import ClockTrigger, EventTrigger, as_weight
 from icmj.errors import AnalysisError, DesignError
-from icmj.plant.linear_plant import LinearPlant
-from icmj.theory.error_system import error_system
 
 DESIGN = design_lq(LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]]), R_c=0.1, R_o=0.01)
 
@@ -30,15 +28,12 @@ def test_a_free_hold_runs_by_the_matrix_exponential_with_or_without_distinct_mod
         np.testing.assert_allclose(hold.free(x_h, t), expected, atol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("weight", "expected"),
-    [
-        ("output", [[1, 0], [0, 0]]),
-        ("identity", [[1, 0], [0, 1]]),
-        ([2.0, 3.0], [[2, 0], [0, 3]]),
-        ([[2.0, 1.0], [1.0, 3.0]], [[2, 1], [1, 3]]),
-    ],
-)
+@pytest.mark.parametrize(("weight", "expected"), [
+    ("output", [[1, 0], [0, 0]]),
+    ("identity", [[1, 0], [0, 1]]),
+    ([2.0, 3.0], [[2, 0], [0, 3]]),
+    ([[2.0, 1.0], [1.0, 3.0]], [[2, 1], [1, 3]]),
+])  # fmt: skip
 def test_event_weight_by_name_diagonal_or_matrix(weight, expected):
     np.testing.assert_array_equal(as_weight(weight, DESIGN), expected)
 
@@ -50,19 +45,9 @@ def test_event_weight_that_does_not_fit_is_refused():
         as_weight("states", DESIGN)
 
 
-@pytest.mark.parametrize(
-    ("Q_t", "q_t", "delta_min", "word"),
-    [
-        ([[1, 0], [0, -1]], 0.1, 0.0, "semidefinite"),
-        ([[1, 0]], 0.1, 0.0, "square"),
-        (np.eye(2), 0.0, 0.0, "q_t"),
-        (np.eye(2), np.nan, 0.0, "q_t"),
-        (np.eye(2), 0.1, -1.0, "delta_min"),
-    ],
-)
-def test_triggers_that_cannot_be_are_refused(Q_t, q_t, delta_min, word):
-    with pytest.raises(AnalysisError, match=word):
-        EventTrigger(Q_t, q_t, delta_min)
+def test_a_clock_needs_a_positive_interval():
+    with pytest.raises(AnalysisError, match="positive"):
+        ClockTrigger(0.0)
 
 
 def test_a_singular_event_weight_is_fine_and_is_made_symmetric():
@@ -70,9 +55,13 @@ def test_a_singular_event_weight_is_fine_and_is_made_symmetric():
     np.testing.assert_array_equal(trigger.Q_t, trigger.Q_t.T)
 
 
-def test_clock_needs_a_positive_interval():
-    with pytest.raises(AnalysisError, match="positive"):
-        ClockTrigger(0.0)
+@pytest.mark.parametrize(("Q_t", "q_t", "delta_min", "word"), [
+    ([[1, 0], [0, -1]], 0.1, 0.0, "semidefinite"), ([[1, 0]], 0.1, 0.0, "square"), (np.eye(2), 0.0, 0.0, "q_t"),
+    (np.eye(2), np.nan, 0.0, "q_t"), (np.eye(2), 0.1, -1.0, "delta_min"),
+])  # fmt: skip
+def test_triggers_that_cannot_be_are_refused(Q_t, q_t, delta_min, word):
+    with pytest.raises(AnalysisError, match=word):
+        EventTrigger(Q_t, q_t, delta_min)
 
 
 @pytest.mark.parametrize(("part", "words"), [
@@ -80,8 +69,7 @@ def test_clock_needs_a_positive_interval():
     ("delay", "delay is a float; expected a Delay"), ("design", "design is a float; expected a Design"),
 ])  # fmt: skip
 def test_each_part_is_of_its_kind(part, words):
-    gains = design_lq(LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]]))
-    parts = {"design": gains, "hold": system_matched(gains), "trigger": ClockTrigger(0.3), "delay": Delay(0.0)}
+    parts = {"design": DESIGN, "hold": system_matched(DESIGN), "trigger": ClockTrigger(0.3), "delay": Delay(0.0)}
     Controller(**parts)
     with pytest.raises(AnalysisError, match=words):
         Controller(**{**parts, part: 0.3})
@@ -90,10 +78,8 @@ def test_each_part_is_of_its_kind(part, words):
 @pytest.mark.parametrize("A_h", [np.zeros((3, 3)), [[0.0]]])
 def test_a_hold_of_another_size_is_refused_where_it_is_given(A_h):
     hold = Hold("own", A_h)
-    for use in (
-        lambda: Controller(DESIGN, hold, ClockTrigger(0.1)),
-        lambda: error_system(DESIGN.plant, DESIGN, hold),
-    ):
+    law = partial(Controller, DESIGN, hold, ClockTrigger(0.1))
+    for use in (law, partial(error_system, DESIGN.plant, DESIGN, hold)):
         with pytest.raises(AnalysisError, match=r"A_h has shape \(\d, \d\); the controller's model has 2 states"):
             use()
     for wrong, words in (([[0, 1]], "square"), ([[1j]], "A_h is complex"), ([[1, 2], [3]], "A_h is not a matrix")):

@@ -1,18 +1,14 @@
 """Delayed PID with force feedback: against transfer functions, a Nyquist count, and the method of steps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from oracles.delay import of_law
 
-from icmj.controller.delayed import DelayedPID
+from icmj import DelayedPID, LinearPlant, Settings
 from icmj.errors import AnalysisError
 from icmj.linear.run import simulate
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
 from icmj.theory.delay_roots import delay_loop, rightmost_roots
 
 # Pasma et al. (2017), Front Comput Neurosci 11:99, table 1
@@ -51,18 +47,15 @@ def test_its_roots_are_zeros_of_the_transfer_functions(law: DelayedPID) -> None:
         assert abs(_equation(law, s) / slope) < 1e-8 * (1 + abs(s))
 
 
-@pytest.mark.parametrize(
-    ("law", "unstable"),
-    [
-        (PRINTED, 0),
-        (OF_COMMAND, 0),
-        (WITH_INTEGRAL, 0),
-        (BOTH, 0),
-        (replace(PRINTED, P=3000.0), 2),  # too strong for the delay
-        (replace(PRINTED, P=300.0), 2),  # too weak for gravity, and the torque leads further away
-        (replace(PRINTED, P=300.0, force="", force_gain=0.0), 1),  # too weak for gravity
-    ],
-)
+@pytest.mark.parametrize(("law", "unstable"), [
+    (PRINTED, 0),
+    (OF_COMMAND, 0),
+    (WITH_INTEGRAL, 0),
+    (BOTH, 0),
+    (replace(PRINTED, P=3000.0), 2),  # too strong for the delay
+    (replace(PRINTED, P=300.0), 2),  # too weak for gravity, and the torque leads further away
+    (replace(PRINTED, P=300.0, force="", force_gain=0.0), 1),  # too weak for gravity
+])  # fmt: skip
 def test_the_frequency_response_turns_as_often_as_roots_are_unstable(law: DelayedPID, unstable: int) -> None:
     line = 1e-3  # 1/s, to the right of the poles of the integral and the force feedback, to the left of the body's
     omega = np.concatenate([[0.0], np.geomspace(1e-5, 1e5, 100_001)])
@@ -76,9 +69,8 @@ def test_the_frequency_response_turns_as_often_as_roots_are_unstable(law: Delaye
 
 
 def test_the_printed_case_stands_with_a_slow_root_of_the_force_feedback() -> None:
-    roots, without = (
-        rightmost_roots(delay_loop(BODY, law), 3) for law in (PRINTED, replace(PRINTED, force="", force_gain=0.0))
-    )
+    laws = PRINTED, replace(PRINTED, force="", force_gain=0.0)
+    roots, without = (rightmost_roots(delay_loop(BODY, law), 3) for law in laws)
     # force feedback adds one slow real root
     assert roots[0].imag == 0
     assert roots[0].real < 0
@@ -112,20 +104,16 @@ def test_its_equation_holds_along_a_run(law: DelayedPID) -> None:
     assert np.abs(u - run.u[:, 0]).max() < 1e-4 * np.abs(run.u).max()
 
 
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ({"position": "knee"}, "the plant's outputs are theta, omega, torque"),
-        ({"rate": "theta"}, "the same output serves twice"),
-        ({"input": "hip"}, "name the input that is controlled, one of ankle"),
-        ({"P": np.nan}, "P must be a finite number"),
-        ({"weight": np.inf}, "weight must be a finite number"),
-        ({"delay": 0.0}, "the delay of the delayed PID controller must be positive"),
-        ({"force_time": -1.0}, "time constant of the force feedback"),
-        ({"force": "", "force_time": 0.5}, "it must be below 1"),
-    ],
-)
+@pytest.mark.parametrize(("wrong", "words"), [
+    ({"position": "knee"}, "the plant's outputs are theta, omega, torque"),
+    ({"rate": "theta"}, "the same output serves twice"),
+    ({"input": "hip"}, "name the input that is controlled, one of ankle"),
+    ({"P": np.nan}, "P must be a finite number"),
+    ({"weight": np.inf}, "weight must be a finite number"),
+    ({"delay": 0.0}, "the delay of the delayed PID controller must be positive"),
+    ({"force_time": -1.0}, "time constant of the force feedback"),
+    ({"force": "", "force_time": 0.5}, "it must be below 1"),
+])  # fmt: skip
 def test_what_makes_no_sense_is_refused(wrong: dict, words: str) -> None:
-    with pytest.raises(AnalysisError, match=words) as told:
+    with pytest.raises(AnalysisError, match=words):
         replace(PRINTED, **wrong)
-    assert "\n" not in str(told.value)

@@ -1,14 +1,11 @@
 """The event function: its value, rates, gradient and polynomials against each other's definitions and differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from icmj.controller.design import Design
+from icmj import Design, LinearPlant
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, Faces
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
 
 
 def design(n: int) -> Design:

@@ -1,7 +1,5 @@
 """Segments of a vector, and the controller as one linear system in them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -23,12 +21,9 @@ def test_split_and_join_are_inverse() -> None:
     np.testing.assert_array_equal(layout.join(**parts), vectors)
 
 
-def test_what_is_not_given_is_zero() -> None:
+def test_what_is_not_given_is_zero_and_unknown_segments_are_errors() -> None:
     layout = Layout.of(first=2, second=1)
     np.testing.assert_array_equal(layout.join(second=np.array([4.0])), [0.0, 0.0, 4.0])
-
-
-def test_unknown_segments_are_errors() -> None:
     with pytest.raises(ValueError, match="not in tuple"):
         _ = Layout.of(first=2)["third"]
 

@@ -1,7 +1,5 @@
 """The contract refuses what no simulation could read, and picks modes by its table."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -38,59 +36,53 @@ def test_a_table_may_remember_the_mode() -> None:
         assert real.following(before, np.array([size])) == after
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"taps": ()}, "rising delays"),
-        ({"taps": (0.2, 0.1)}, "rising delays"),
-        ({"taps": (-0.1,)}, "at least 0"),
-        ({"taps": (0.0,), "commands": True}, "needs a delayed tap"),
-        ({"commands": True}, "must have S = 0"),
-        ({"period": 0.0}, "must be positive"),
-        ({"period": 0.1, "clock": 0.1}, "leave one of them out"),
-        ({"clock": -1.0}, "the clock of a controller is -1.0 s; it must be positive"),
-        ({"wait": -1.0}, r"the wait of a controller \[s\] is -1.0"),
-        ({"wait": np.nan}, "the wait of a controller"),
-        ({"delay": np.inf}, "the delay of a controller"),
-        ({"taps": (0.1, np.inf)}, "a tap of a controller"),
-        ({"taps": ("0.1",)}, r"a tap of a controller \[s\] is '0.1'"),
-        ({"J": np.eye(1)}, r"J of a controller has the shape \(1, 1\); expected \(0, 0\)"),
-        ({"R": np.zeros((1, 1))}, r"R of a controller has the shape \(1, 1\)"),
-        ({"cuts": np.array([0, 1])}, "rising numbers from 0 to 0"),
-        ({"cuts": np.array([], dtype=int)}, "rising numbers from 0 to 0"),
-        ({"signals": np.zeros((1, 5))}, "signals of a controller"),
-        ({"signals": np.full((1, 6), np.nan)}, "not finite"),
-        ({"guards": (Guard(np.eye(3), -1.0),)}, r"expected \(1, 1\) for readings"),
-        ({"guards": (Guard(np.eye(1), -1.0),) * 17, "table": None}, "at most 16"),
-        ({"table": None}, "needs a table"),
-        ({"table": np.array([[0, 0.5], [0, 1]])}, "the table of modes: 0.0; expected a whole number"),
-        ({"modes": ()}, "at least one mode"),
-        ({"modes": (*MODES, Mode("c", NONE, np.zeros((0, 2)), np.zeros((1, 0)), np.zeros((1, 2))))}, "S of mode 'c'"),
-        ({"watched": (True,)}, "one entry for each of its 2 modes"),
-        ({"after": (0, 2)}, "a mode follows that does not exist"),
-        ({"table": np.array([[0, 1]])}, "expected \\(2, 2\\)"),
-        ({"table": np.array([[0, 2], [0, 1]])}, "a mode follows that does not exist"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"taps": ()}, "rising delays"),
+    ({"taps": (0.2, 0.1)}, "rising delays"),
+    ({"taps": (-0.1,)}, "at least 0"),
+    ({"taps": (0.0,), "commands": True}, "needs a delayed tap"),
+    ({"commands": True}, "must have S = 0"),
+    ({"period": 0.0}, "must be positive"),
+    ({"period": 0.1, "clock": 0.1}, "leave one of them out"),
+    ({"clock": -1.0}, "the clock of a controller is -1.0 s; it must be positive"),
+    ({"wait": -1.0}, r"the wait of a controller \[s\] is -1.0"),
+    ({"wait": np.nan}, "the wait of a controller"),
+    ({"delay": np.inf}, "the delay of a controller"),
+    ({"taps": (0.1, np.inf)}, "a tap of a controller"),
+    ({"taps": ("0.1",)}, r"a tap of a controller \[s\] is '0.1'"),
+    ({"J": np.eye(1)}, r"J of a controller has the shape \(1, 1\); expected \(0, 0\)"),
+    ({"R": np.zeros((1, 1))}, r"R of a controller has the shape \(1, 1\)"),
+    ({"cuts": np.array([0, 1])}, "rising numbers from 0 to 0"),
+    ({"cuts": np.array([], dtype=int)}, "rising numbers from 0 to 0"),
+    ({"signals": np.zeros((1, 5))}, "signals of a controller"),
+    ({"signals": np.full((1, 6), np.nan)}, "not finite"),
+    ({"guards": (Guard(np.eye(3), -1.0),)}, r"expected \(1, 1\) for readings"),
+    ({"guards": (Guard(np.eye(1), -1.0),) * 17, "table": None}, "at most 16"),
+    ({"table": None}, "needs a table"),
+    ({"table": np.array([[0, 0.5], [0, 1]])}, "the table of modes: 0.0; expected a whole number"),
+    ({"modes": ()}, "at least one mode"),
+    ({"modes": (*MODES, Mode("c", NONE, np.zeros((0, 2)), np.zeros((1, 0)), np.zeros((1, 2))))}, "S of mode 'c'"),
+    ({"watched": (True,)}, "one entry for each of its 2 modes"),
+    ({"after": (0, 2)}, "a mode follows that does not exist"),
+    ({"table": np.array([[0, 1]])}, "expected \\(2, 2\\)"),
+    ({"table": np.array([[0, 2], [0, 1]])}, "a mode follows that does not exist"),
+])  # fmt: skip
 def test_taps_and_guards_fit(changes: dict, words: str) -> None:
     with pytest.raises(AnalysisError, match=words):
         realisation(**changes)
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: Guard(np.zeros((1, 1)), 1.0), "one sign for ever"),
-        (lambda: Guard(np.array([[1.0, 1.0], [0.0, 1.0]])), "must be symmetric"),
-        (lambda: Guard(np.ones(3)), "the matrix of a guard has the shape"),
-        (lambda: Guard(np.eye(1), np.nan), "the constant of a guard"),
-        (lambda: Mode("a", np.eye(2), np.zeros((1, 1)), np.zeros((1, 1)), np.eye(1)), "M of mode 'a' has the shape"),
-        (lambda: Mode("a", np.eye(1), np.zeros((1, 2)), np.zeros((1, 1)), np.eye(1)), "N of mode 'a' has the shape"),
-        (lambda: Mode("a", np.eye(1), np.zeros((1, 1)), np.zeros((2, 1)), np.eye(1)), "K of mode 'a' has the shape"),
-        (lambda: Mode("a", np.eye(1) * np.nan, np.zeros((1, 1)), np.zeros((1, 1)), np.eye(1)), "not finite"),
-        (lambda: Mode("a", [["1"]], np.zeros((1, 1)), np.zeros((1, 1)), np.eye(1)), "M of mode 'a' is not a matrix"),
-    ],
-)
+@pytest.mark.parametrize(("make", "words"), [
+    (lambda: Guard(np.zeros((1, 1)), 1.0), "one sign for ever"),
+    (lambda: Guard(np.array([[1.0, 1.0], [0.0, 1.0]])), "must be symmetric"),
+    (lambda: Guard(np.ones(3)), "the matrix of a guard has the shape"),
+    (lambda: Guard(np.eye(1), np.nan), "the constant of a guard"),
+    (lambda: Mode("a", np.eye(2), np.zeros((1, 1)), np.zeros((1, 1)), np.eye(1)), "M of mode 'a' has the shape"),
+    (lambda: Mode("a", np.eye(1), np.zeros((1, 2)), np.zeros((1, 1)), np.eye(1)), "N of mode 'a' has the shape"),
+    (lambda: Mode("a", np.eye(1), np.zeros((1, 1)), np.zeros((2, 1)), np.eye(1)), "K of mode 'a' has the shape"),
+    (lambda: Mode("a", np.eye(1) * np.nan, np.zeros((1, 1)), np.zeros((1, 1)), np.eye(1)), "not finite"),
+    (lambda: Mode("a", [["1"]], np.zeros((1, 1)), np.zeros((1, 1)), np.eye(1)), "M of mode 'a' is not a matrix"),
+])  # fmt: skip
 def test_matrices_fit_and_are_finite(make: Callable[[], object], words: str) -> None:
     with pytest.raises(AnalysisError, match=words):
         make()

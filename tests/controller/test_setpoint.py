@@ -50,9 +50,7 @@ def test_a_ternary_sequence_is_one_of_full_length() -> None:
 def test_the_assumed_plant_rests_in_its_steady_states(seed) -> None:
     random = np.random.default_rng(seed)
     n, n_u = int(random.integers(2, 7)), int(random.integers(1, 4))
-    plant = LinearPlant(
-        random.standard_normal((n, n)), random.standard_normal((n, n_u)), random.standard_normal((n_u, n))
-    )
+    plant = LinearPlant(*(random.standard_normal(shape) for shape in ((n, n), (n, n_u), (n_u, n))))
     targets = [Target({name: 1.0}, step(1.0)) for name in plant.outputs]
     found = setpoint(plant, targets)
     scale = 1e-9 * (1 + np.abs(found.x_ss).max() + np.abs(found.u_ss).max())
@@ -86,19 +84,16 @@ def test_parts_of_one_name_are_added_and_others_are_channels() -> None:
     np.testing.assert_allclose(found([0.0, 1.5, 2.5, 4.0]), [[0, 0], [0.1, 0], [0.1, 0.3], [0.3, 0.3]], atol=1e-15)
 
 
-@pytest.mark.parametrize(
-    ("targets", "words"),
-    [
-        ([Target({"knee": 1.0}, step(1.0))], "outputs are angle, its states hinge, hinge_rate"),
-        ([Target({"hinge_rate": 1.0}, step(1.0))], "no steady state"),
-        ([Target({"angle": 1.0}, step(1.0)), Target({"angle": 2.0}, step(1.0), "twice")], "no steady state"),
-        ([Target({"angle": 1.0}, step(1.0)), Target({"angle": 2.0}, step(1.0), "angle")], "is given twice"),
-        ([Target({"angle": 0.0}, step(1.0))], "no steady state"),
-        ([Target({"angle": 1.0, "hinge": 1.0}, step(1.0))], "needs a name"),
-        ([Target({"angle": 1.0}, step(float("nan")))], "must be finite"),
-        ([Target({"angle": 1.0}, step(1.0, -2.0))], "not negative"),
-    ],
-)
+@pytest.mark.parametrize(("targets", "words"), [
+    ([Target({"knee": 1.0}, step(1.0))], "outputs are angle, its states hinge, hinge_rate"),
+    ([Target({"hinge_rate": 1.0}, step(1.0))], "no steady state"),
+    ([Target({"angle": 1.0}, step(1.0)), Target({"angle": 2.0}, step(1.0), "twice")], "no steady state"),
+    ([Target({"angle": 1.0}, step(1.0)), Target({"angle": 2.0}, step(1.0), "angle")], "is given twice"),
+    ([Target({"angle": 0.0}, step(1.0))], "no steady state"),
+    ([Target({"angle": 1.0, "hinge": 1.0}, step(1.0))], "needs a name"),
+    ([Target({"angle": 1.0}, step(float("nan")))], "must be finite"),
+    ([Target({"angle": 1.0}, step(1.0, -2.0))], "not negative"),
+])  # fmt: skip
 def test_what_it_cannot_be_is_refused(targets, words) -> None:
     with pytest.raises(AnalysisError, match=words):
         setpoint(linear_cases.PENDULUM, targets)

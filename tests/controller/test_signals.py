@@ -9,13 +9,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from icmj.case.case import simulate_plant
-from icmj.controller.controller import Controller
+from icmj import Continuous, Controller, IcmjError, Settings, simulate_plant
 from icmj.controller.realisation import Realisation
-from icmj.controller.trigger import Continuous
-from icmj.errors import IcmjError
 from icmj.linear.simulator import open_loop
-from icmj.simulation.settings import Settings
 
 DRIVE = np.array([0.3, -0.5])  # what the signal does to the rate of x_o
 SIZE, START, END, IMPULSE, LATER = 1e-3, 0.3, 0.9, 2e-3, 0.7

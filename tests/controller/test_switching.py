@@ -1,15 +1,12 @@
 """The switching controller says of itself what its equation says."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from icmj.controller.delayed import SwitchingPD
+from icmj import LinearPlant, SwitchingPD
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
 
 BODY = LinearPlant(
     np.array([[0.0, 1.0], [2.0, -0.07]]), np.array([0.0, 1 / 60]), np.eye(2), ("lean", "lean_rate"), ("ankle",),
@@ -46,18 +43,15 @@ def test_unswitched_it_is_always_on() -> None:
     assert real.following(0, np.zeros(2)) == 0
 
 
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ({"position": "knee"}, "the plant's outputs are theta, omega"),
-        ({"rate": "theta"}, "the same output, 'theta'; name two"),
-        ({"P": np.nan}, "P must be a finite number"),
-        ({"D": [1.0, 2.0]}, "one for each of the 1 inputs"),
-        ({"delay": 0.0}, "must be positive"),
-        ({"slope": np.inf}, "slope"),
-        ({"dead_zone": -1.0}, "dead zone"),
-    ],
-)
+@pytest.mark.parametrize(("wrong", "words"), [
+    ({"position": "knee"}, "the plant's outputs are theta, omega"),
+    ({"rate": "theta"}, "the same output, 'theta'; name two"),
+    ({"P": np.nan}, "P must be a finite number"),
+    ({"D": [1.0, 2.0]}, "one for each of the 1 inputs"),
+    ({"delay": 0.0}, "must be positive"),
+    ({"slope": np.inf}, "slope"),
+    ({"dead_zone": -1.0}, "dead zone"),
+])  # fmt: skip
 def test_what_makes_no_sense_is_refused(wrong: dict, words: str) -> None:
     with pytest.raises(AnalysisError, match=words):
         replace(ASAI, **wrong)

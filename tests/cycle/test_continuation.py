@@ -1,7 +1,5 @@
 """Branches of cycles against the theory, closed forms, and a plant written by hand on SciPy's integrator and solver."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from cycle_cases import RUNS, branch, case, return_map
@@ -9,13 +7,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
 
 import icmj
+from icmj import branch_off, follow, load_run
 from icmj.cycle.branch import Branch, SpecialPoint
-from icmj.cycle.continuation import branch_off, follow
 from icmj.cycle.curve import Family, parameter
 from icmj.cycle.cycle import Guess, find_cycle
 from icmj.cycle.return_map import jacobian
 from icmj.errors import CycleError, RunFileError
-from icmj.runfile.reading import load_run
 
 
 def the(of: Branch, kind: str) -> SpecialPoint:
@@ -208,17 +205,14 @@ def test_the_three_link_person_sways_up_to_half_a_radian_of_threshold() -> None:
     assert slope == pytest.approx(2, abs=0.05)
 
 
-@pytest.mark.parametrize(
-    ("name", "to", "error", "words"),
-    [
-        ("strength", 1.0, CycleError, "no parameter 'strength'"),
-        ("b", 0.8, CycleError, "two different values"),
-        ("controller.hold", 1.0, CycleError, "a parameter is one number"),
-        ("controller.q_tt", 1.0, CycleError, "has no key 'controller.q_tt' that is one number"),
-        ("actual.delay", 1.0, CycleError, "does not set actual.delay; say where to begin, with --from"),
-        ("q_t", -1.0, RunFileError, "q_t"),
-    ],
-)
+@pytest.mark.parametrize(("name", "to", "error", "words"), [
+    ("strength", 1.0, CycleError, "no parameter 'strength'"),
+    ("b", 0.8, CycleError, "two different values"),
+    ("controller.hold", 1.0, CycleError, "a parameter is one number"),
+    ("controller.q_tt", 1.0, CycleError, "has no key 'controller.q_tt' that is one number"),
+    ("actual.delay", 1.0, CycleError, "does not set actual.delay; say where to begin, with --from"),
+    ("q_t", -1.0, RunFileError, "q_t"),
+])  # fmt: skip
 def test_what_is_no_parameter_is_refused(name: str, to: float, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
         follow(load_run(RUNS / "simple-0.8.toml"), name, to, plant="linear", points=5)

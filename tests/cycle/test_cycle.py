@@ -1,7 +1,5 @@
 """Exact cycles: on the linear plant the theory's orbit, on the engine what simulations settle on, or never show."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from cycle_cases import case, return_map
@@ -121,15 +119,12 @@ def test_a_repelling_cycle_is_found_which_no_simulation_shows() -> None:
     assert abs(observed(settled(of, found, events=20), of, found) - found.multipliers[0]) < 1e-3
 
 
-@pytest.mark.parametrize(
-    ("name", "changes", "plant", "words"),
-    [
-        ("simple-exact", {}, "linear", "grows without bound"),
-        ("simple-0.8", {"controller__delta_min": 2.0}, "mujoco", "least one, 2 s"),
-        ("simple-0.8", {"controller__q_t": 0.5, "simulation__limit": 0.2}, "mujoco", "fell"),
-        ("quiet-standing", {}, "mujoco", "noise acts"),
-    ],
-)
+@pytest.mark.parametrize(("name", "changes", "plant", "words"), [
+    ("simple-exact", {}, "linear", "grows without bound"),
+    ("simple-0.8", {"controller__delta_min": 2.0}, "mujoco", "least one, 2 s"),
+    ("simple-0.8", {"controller__q_t": 0.5, "simulation__limit": 0.2}, "mujoco", "fell"),
+    ("quiet-standing", {}, "mujoco", "noise acts"),
+])  # fmt: skip
 def test_where_there_is_none_it_says_why(name: str, changes: dict[str, float], plant: str, words: str) -> None:
     with pytest.raises(CycleError, match=words):
         find_cycle(case(name, **changes), plant)

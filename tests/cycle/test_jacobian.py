@@ -1,7 +1,5 @@
 """Differences of flights against the derivative in closed form, and what they say of their error."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from cycle_cases import case, return_map

@@ -1,7 +1,5 @@
 """A branch read back is the branch that was written, to the last bit."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import fields, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Cycles of a switched delayed feedback, against the method of steps, and branches of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -87,18 +85,14 @@ def test_a_branch_in_the_share_is_one_in_the_slope() -> None:
     assert by_share.cycles[-1].period == pytest.approx(by_slope.cycles[-1].period, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("law", "words"),
-    [
-        (HOMOGENEOUS, "without a dead zone every round is the one before times a factor"),
-        (replace(SWITCHING, switches=False), "is a linear loop"),
-        (replace(SWITCHING, P=1.5 * MGH), "no cycle: the motion"),
-    ],
-)
+@pytest.mark.parametrize(("law", "words"), [
+    (HOMOGENEOUS, "without a dead zone every round is the one before times a factor"),
+    (replace(SWITCHING, switches=False), "is a linear loop"),
+    (replace(SWITCHING, P=1.5 * MGH), "no cycle: the motion"),
+])  # fmt: skip
 def test_why_there_is_none(law, words: str) -> None:
-    with pytest.raises(CycleError, match=words) as told:
+    with pytest.raises(CycleError, match=words):
         find_switched_cycle(BODY, law)
-    assert "\n" not in str(told.value)
 
 
 def test_a_parameter_that_is_none_is_refused() -> None:

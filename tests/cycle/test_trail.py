@@ -1,7 +1,5 @@
 """Polynomials along a curve: what they predict of one that is known, smooth or noisy, and what is interpolated."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

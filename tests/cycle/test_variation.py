@@ -1,7 +1,5 @@
 """The equation of variation along a flight against differences of flights."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,27 +8,16 @@ import pytest
 from cycle_cases import case, return_map
 from model_cases import RICH, written
 
-from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq, system_matched
-from icmj.controller.trigger import EventTrigger
+from icmj import Controller, EventTrigger, LinearPlant, Settings, design_lq, load_plant, system_matched
 from icmj.cycle.cycle import from_prediction
 from icmj.cycle.return_map import ReturnMap, course, derivative, fast_jacobian, jacobian
-from icmj.engine.plant import load_plant
 from icmj.errors import CycleError
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
 
 
-@pytest.mark.parametrize(
-    ("name", "q_t", "plant"),
-    [
-        ("simple-0.8", 0.3, "mujoco"),
-        ("three-link-0.9", 0.1, "mujoco"),
-        ("neglected-0.1", 0.1, "mujoco"),
-        ("three-link-1.1-delay", 0.03, "mujoco"),
-        ("three-link-1.1-delay", 0.03, "linear"),
-    ],
-)
+@pytest.mark.parametrize(("name", "q_t", "plant"), [
+    ("simple-0.8", 0.3, "mujoco"), ("three-link-0.9", 0.1, "mujoco"), ("neglected-0.1", 0.1, "mujoco"),
+    ("three-link-1.1-delay", 0.03, "mujoco"), ("three-link-1.1-delay", 0.03, "linear"),
+])  # fmt: skip
 def test_it_is_what_differences_of_flights_say(name: str, q_t: float, plant: str) -> None:
     of = case(name, controller__q_t=q_t)
     loop = return_map(of, plant)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from icmj.case.case import prepare
+from icmj import load_run, prepare
 from icmj.experiments.attraction import measure_law
-from icmj.runfile.reading import load_run
 
 
 @pytest.mark.parametrize("name", ["three-link-0.9", "three-link-1.1", "simple-0.8"])

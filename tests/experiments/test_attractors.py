@@ -22,9 +22,11 @@ def test_one_attractor_where_the_paper_shows_a_cycle(b, p, interval):
     assert found.measurement.interval == pytest.approx(interval, abs=5e-4)
 
 
-def test_neglected_dynamics():
+def test_neglected_dynamics_have_one_and_the_exact_model_none_but_the_homoclinic():
     (found,) = sweep(neglected(0.1), starts=8, duration=80.0)
     assert found.measurement.interval == pytest.approx(3.593, abs=5e-4)
+    found = sweep(PENDULUM, starts=12)
+    assert [a.measurement.kind for a in found] == ["homoclinic"]
 
 
 def test_two_attractors_coexist_where_the_predicted_cycle_repels():
@@ -42,11 +44,6 @@ def test_two_attractors_coexist_where_the_predicted_cycle_repels():
         run = simulate(PENDULUM.scaled(1.7), controller, settings(120.0), x0=a.x0, x_o0=a.x_o0)
         again = measure(run, T_hat=np.eye(2))
         assert sorted(again.intervals) == pytest.approx(sorted(a.measurement.intervals), abs=1e-5)
-
-
-def test_the_exact_model_has_none_but_the_homoclinic():
-    found = sweep(PENDULUM, starts=12)
-    assert [a.measurement.kind for a in found] == ["homoclinic"]
 
 
 def test_reproducible_from_the_seed():

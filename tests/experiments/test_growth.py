@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from icmj.case.case import prepare
+from icmj import load_run, parse_run, prepare
 from icmj.experiments.attraction import measure_growth
-from icmj.runfile.reading import load_run, parse_run
 
 
 @pytest.mark.parametrize("name", ["simple-0.8", "simple-1.7", "neglected-0.1", "three-link-1.1"])

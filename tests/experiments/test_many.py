@@ -53,9 +53,8 @@ def test_numbers_vary_of_the_start_and_of_the_plant(standing):
 
 
 def test_a_function_keeps_what_it_likes_and_what_falls_is_not_a_number(standing):
-    batch = icmj.simulate_many(
-        standing, 2, keep=lambda run: {"peak": np.abs(run.y).max(axis=0), "count": len(run.events)}, jobs=1
-    )
+    keep = lambda run: {"peak": np.abs(run.y).max(axis=0), "count": len(run.events)}  # noqa: E731
+    batch = icmj.simulate_many(standing, 2, keep=keep, jobs=1)
     assert batch["peak"].shape == (2, 3)
     assert (batch["count"] >= 5).all()
     fallen = icmj.simulate_many(standing, 2, vary={"simulation.limit": [1.0, 0.0021]}, jobs=1)
@@ -89,28 +88,25 @@ def test_a_function_of_a_script_or_a_notebook_reaches_other_processes(standing):
     assert np.ptp(ways[0]) > 0
 
 
-@pytest.mark.parametrize(
-    ("words", "asked"),
-    [
-        ("seeds has 2", {"n": 3, "seeds": [1, 2]}),
-        ("expected some of x, y", {"n": 1, "keep": ("z",)}),
-        ("expected some of x, y", {"n": 1, "keep": "y"}),
-        ("seeds: -1; expected a whole number from 0", {"seeds": [-1]}),
-        ("seeds: nan; expected a whole number", {"seeds": [float("nan")]}),
-        ("seeds: 9223372036854775808; expected", {"seeds": [2**63]}),
-        ("seeds: 1.5; expected", {"seeds": np.array([1.5])}),
-        ("seeds: True; expected", {"seeds": [True]}),
-        ("0 runs; give one value for each run", {"n": 0}),
-        *((f"n: {n}; expected a whole number", {"n": n}) for n in (2.5, float("nan"), True)),
-        ("the function returned None; expected numbers", {"n": 1, "keep": lambda run: None}),
-        ("the function returned 3; expected numbers", {"n": 1, "keep": lambda run: 3}),
-        ("expected numbers or arrays by name", {"n": 1, "keep": lambda run: {"a": "b"}}),
-        ("expected some of x, y", {"n": 1, "keep": None}),
-        ("plant 'Linear'; expected one of linear, mujoco", {"n": 1, "plant": "Linear"}),
-        ("vary: actual.gain must be a vector", {"vary": {"actual.gain": 1.0}}),
-        ("vary: actual.gain must be a vector", {"vary": {"actual.gain": [[1.0], [1.0, 2.0]]}}),
-    ],
-)
+@pytest.mark.parametrize(("words", "asked"), [
+    ("seeds has 2", {"n": 3, "seeds": [1, 2]}),
+    ("expected some of x, y", {"n": 1, "keep": ("z",)}),
+    ("expected some of x, y", {"n": 1, "keep": "y"}),
+    ("seeds: -1; expected a whole number from 0", {"seeds": [-1]}),
+    ("seeds: nan; expected a whole number", {"seeds": [float("nan")]}),
+    ("seeds: 9223372036854775808; expected", {"seeds": [2**63]}),
+    ("seeds: 1.5; expected", {"seeds": np.array([1.5])}),
+    ("seeds: True; expected", {"seeds": [True]}),
+    ("0 runs; give one value for each run", {"n": 0}),
+    *((f"n: {n}; expected a whole number", {"n": n}) for n in (2.5, float("nan"), True)),
+    ("the function returned None; expected numbers", {"n": 1, "keep": lambda run: None}),
+    ("the function returned 3; expected numbers", {"n": 1, "keep": lambda run: 3}),
+    ("expected numbers or arrays by name", {"n": 1, "keep": lambda run: {"a": "b"}}),
+    ("expected some of x, y", {"n": 1, "keep": None}),
+    ("plant 'Linear'; expected one of linear, mujoco", {"n": 1, "plant": "Linear"}),
+    ("vary: actual.gain must be a vector", {"vary": {"actual.gain": 1.0}}),
+    ("vary: actual.gain must be a vector", {"vary": {"actual.gain": [[1.0], [1.0, 2.0]]}}),
+])  # fmt: skip
 def test_what_does_not_fit_is_refused(standing, words, asked):
     with pytest.raises(SimulationError, match=words):
         icmj.simulate_many(standing, jobs=1, **asked)
@@ -122,10 +118,12 @@ def test_so_is_a_number_of_processes_that_is_none(standing, jobs):
         icmj.simulate_many(standing, 20, jobs=jobs)
 
 
-def test_it_takes_nothing_but_a_case(standing):
+def test_nothing_but_a_case_is_taken_and_an_unknown_key_is_refused(standing):
     for other in (standing.run, standing.controller, None):
         with pytest.raises(AnalysisError, match="simulate_many takes a Case, got"):
             icmj.simulate_many(other, 1, jobs=1)
+    with pytest.raises(RunFileError, match=r"simulation\.initail"):
+        icmj.simulate_many(standing, vary={"simulation.initail.ankle": [0.1]}, jobs=1)
 
 
 def test_a_set_point_is_followed(root):
@@ -153,8 +151,3 @@ def test_what_was_replaced_in_a_case_is_in_every_process(standing):
     np.testing.assert_array_equal(icmj.simulate(alone.case(7), "linear").events.t, alone["events"][7])
     with pytest.raises(SimulationError, match="settings or trigger of this case are others"):
         icmj.simulate_many(other, vary={"actual.gain": [0.9]}, jobs=1)
-
-
-def test_an_unknown_key_is_refused(standing):
-    with pytest.raises(RunFileError, match=r"simulation\.initail"):
-        icmj.simulate_many(standing, vary={"simulation.initail.ankle": [0.1]}, jobs=1)

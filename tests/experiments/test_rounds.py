@@ -1,8 +1,5 @@
 """Rounds of switched feedback: against a plain integration with a history, scaling, and long simulations."""
 
-from __future__ import annotations
-
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,15 +7,10 @@ import numpy as np
 import pytest
 from terminal_cases import told
 
-from icmj.case.case import prepare, simulate_plant
-from icmj.cli.main import main
+from icmj import LinearPlant, Settings, load_run, prepare, run_case, simulate_plant
 from icmj.controller.delayed import SwitchingPD, slope_of
 from icmj.errors import AnalysisError
 from icmj.experiments.attraction import attraction, rounds, rounds_of
-from icmj.plant.linear_plant import LinearPlant
-from icmj.runfile.reading import load_run
-from icmj.simulation.settings import Settings
-from icmj.study.study import run_case
 
 MGH, INERTIA = 60 * 9.81, 60.0
 A = np.array([[0, 1], [0.2 * MGH / INERTIA, -4 / INERTIA]])
@@ -110,13 +102,11 @@ def test_what_is_left_of_a_departure_is_what_one_put_in_leaves() -> None:
 @pytest.mark.slow
 @pytest.mark.kernels
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
-def test_on_the_command_line(plant: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["cycle", "one-link-switching", "--plant", plant, "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
+def test_on_the_command_line(plant: str, shell) -> None:
+    said = shell.answers(["cycle", "one-link-switching", "--plant", plant, "--json"])
     assert said["switches"] == 4
     assert said["period"] == pytest.approx(4.131, abs=5e-4)
-    assert main(["cycle", "one-link-delayed-pd", "--plant", plant]) == 2
-    (line,) = told(capsys.readouterr().err)
+    (line,) = told(shell.refuses(["cycle", "one-link-delayed-pd", "--plant", plant]))
     assert "never switches has no cycle of its own" in line
 
 

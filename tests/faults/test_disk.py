@@ -1,7 +1,5 @@
 """No room, no right, no single writer: one line, and nothing under its name that is not whole."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -58,9 +56,7 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path, small_disk: 
     assert [path.name for path in small_disk.iterdir()] == ["fill"]
 
 
-def test_a_writer_that_fails_leaves_what_was_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_writer_that_fails_leaves_what_was_there(tmp_path, monkeypatch, capfd):
     run, out = short_run(tmp_path, duration=5.0), tmp_path / "out"
     assert main(["run", str(run), "--plant", "linear", "--out", str(out)]) == 0
     before = (out / "short.linear.rrd").read_bytes()

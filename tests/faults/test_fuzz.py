@@ -3,11 +3,8 @@
 For an hour of it: ``python -m tests.fuzz --minutes 60``.
 """
 
-from __future__ import annotations
-
 import random
 import tomllib
-from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -18,10 +15,9 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from terminal_cases import told
 
+from icmj import RunFile, parse_run
 from icmj.cli.main import main
 from icmj.errors import RunFileError
-from icmj.runfile.reading import parse_run
-from icmj.runfile.schema import RunFile
 
 SECONDS = 5.0  # of each kind
 
@@ -38,9 +34,8 @@ def test_mutants(kind: str, pytestconfig: pytest.Config) -> None:
 
 
 def numbers() -> st.SearchStrategy[Any]:
-    return st.one_of(
-        st.floats(), st.integers(), st.integers(-(10**40), 10**40), st.sampled_from([0, 1, -1, 1e-3, 1e308, 5e-324])
-    )
+    odd = st.sampled_from([0, 1, -1, 1e-3, 1e308, 5e-324])
+    return st.one_of(st.floats(), st.integers(), st.integers(-(10**40), 10**40), odd)
 
 
 anything = st.recursive(
@@ -127,9 +122,7 @@ CORPUS = (
 
 @pytest.mark.slow
 @pytest.mark.parametrize("more", CORPUS, ids=range(len(CORPUS)))
-def test_the_corpus(
-    more: str, root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_the_corpus(more, root, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     text = RUN.format(root=root) + more + ("" if "[study]" in more else "\n[study]\ngrowth_points = 0")
     (tmp_path / "a.toml").write_text(text, encoding="utf-8")

@@ -1,7 +1,5 @@
 """Memory stays flat over many refused runs in one process, and too little of it is one line."""
 
-from __future__ import annotations
-
 import gc
 import os
 import re

@@ -1,7 +1,5 @@
 """What stands where something is to be written: a pipe, a socket, a device, a link; refused before any work is done."""
 
-from __future__ import annotations
-
 import os
 import socket
 import stat
@@ -45,13 +43,9 @@ def linked(path: Path) -> None:
 
 
 ODD: dict[str, Callable[[Path], object]] = {
-    "pipe": os.mkfifo,
-    "socket": listening,
-    "device": device,
-    "link": linked,
-    "dangling link": dangling,
-    "folder": Path.mkdir,
-}
+    "pipe": os.mkfifo, "socket": listening, "device": device,
+    "link": linked, "dangling link": dangling, "folder": Path.mkdir,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -87,14 +81,7 @@ COMMANDS = {
 @pytest.mark.slow
 # a study takes seconds to look at its inputs
 @pytest.mark.parametrize(("command", "kind"), [(c, k) for c in COMMANDS for k in ODD if c != "study" or k == "pipe"])
-def test_nothing_but_a_file_is_replaced(
-    command: str,
-    kind: str,
-    log: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+def test_nothing_but_a_file_is_replaced(command, kind, log, tmp_path, monkeypatch, capfd):
     run = short_run(tmp_path, duration=5.0)
     words, targets = COMMANDS[command]
     for i, name in enumerate(targets):
@@ -118,9 +105,7 @@ def test_nothing_but_a_file_is_replaced(
 
 
 @pytest.mark.parametrize("kind", [kind for kind in ODD if kind != "folder"])
-def test_a_folder_for_outputs_may_be_a_link_to_one_and_nothing_else(
-    kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_for_outputs_may_be_a_link_to_one_and_nothing_else(kind, tmp_path, capfd):
     run, out = short_run(tmp_path, duration=5.0), tmp_path / "out"
     ODD[kind](out)
     inode = out.lstat().st_ino

@@ -1,7 +1,5 @@
 """Ended at random moments: nothing half-written, no orphan, no traceback, no litter that stays."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

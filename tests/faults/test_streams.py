@@ -1,7 +1,5 @@
 """Where words are printed: streams that are closed, full, gone or know only ASCII; and names that would be obeyed."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import subprocess
@@ -45,15 +43,9 @@ def test_no_stream_makes_a_mistake(name: str, tmp_path: Path) -> None:
     run, refused = short_run(tmp_path, duration=2.0), name == "refused"
     words = [word.format(run=run) for word in COMMANDS[name]]
     said = b"icmj: no/body: cannot be read (No such file or directory)\n"
-    for i, (where, status, err) in enumerate(
-        (
-            (">&-", 0, b""),
-            ("<&- >&- 2>&-", 0, b""),
-            (">/dev/full", 2, b"icmj: No space left on device\n"),
-            ("2>/dev/full", 0, b""),
-            ("", 0, b""),
-        )
-    ):
+    full = ">/dev/full", 2, b"icmj: No space left on device\n"
+    others = [(where, 0, b"") for where in (">&-", "<&- >&- 2>&-", "2>/dev/full", "")]
+    for i, (where, status, err) in enumerate((full, *others)):
         here = tmp_path / str(i)
         here.mkdir()
         ascii_only = {} if where else {"PYTHONIOENCODING": "ascii"}
@@ -80,9 +72,7 @@ def test_a_locale_without_utf_8_is_enough(tmp_path: Path) -> None:
     assert "rad" in words
 
 
-def test_a_reader_of_standard_error_that_goes_away_stops_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_reader_of_standard_error_that_goes_away_stops_nothing(tmp_path, monkeypatch, capfd):
     run = short_run(tmp_path, duration=5.0)
     reader, writer = os.pipe()
     os.close(reader)
@@ -119,9 +109,7 @@ def obeyed(words: str) -> list[str]:
 
 
 @pytest.mark.slow
-def test_names_are_shown_and_not_obeyed(
-    odd: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_names_are_shown_and_not_obeyed(odd, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     shown = "ab31m[/][red]:smile:"
     for words in (

@@ -1,7 +1,5 @@
 """Folders that a command trusts, changed by a bit or by a file: one line, or the same numbers; no wait, no memory."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.fitting.family import load_family
-from icmj.simulation.settings import Noise
+from icmj import Noise, load_family
 
 TRIALS, BAND = 24, 20.0  # Hz
 

@@ -1,7 +1,5 @@
 """A hundred motions whose model error the code under test is not told: how near it comes, how often it covers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,17 +1,12 @@
 """Model errors are found again from the motions that they make: blind, on many motions, with intervals that cover."""
 
-from __future__ import annotations
-
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from terminal_cases import told
 
 import icmj
-from icmj.cli.main import main
 from icmj.errors import IcmjError
 from icmj.fitting.identification import Inverse, identify
 from icmj.fitting.observed import Observed, Unknown
@@ -111,7 +106,7 @@ def test_a_wrong_unknown_and_a_wrong_record_are_errors() -> None:
 
 
 @pytest.mark.slow
-def test_on_the_command_line_from_a_log_times_and_outputs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_on_the_command_line_from_a_log_times_and_outputs(tmp_path, capsys, shell):
     run = PENDULUM.with_(**{"actual.gain": 0.9, "study.attractor_starts": 0, "study.growth_points": 0})
     result = icmj.run_case(run, "linear")
     log, times, samples = tmp_path / "a.rrd", tmp_path / "times.csv", tmp_path / "angle.csv"
@@ -121,16 +116,12 @@ def test_on_the_command_line_from_a_log_times_and_outputs(tmp_path: Path, capsys
     degrees = np.degrees(np.interp(t, result.simulation.t, result.simulation.y[:, 0]))
     np.savetxt(samples, np.column_stack([t, degrees]), delimiter=",", header="t [s],angle [deg]", comments="")
     capsys.readouterr()
-    assert main(["identify", str(log), "--json"]) == 0
-    (found,) = json.loads(capsys.readouterr().out)
+    (found,) = shell.answers(["identify", str(log), "--json"])
     assert found["value"] == pytest.approx(0.9, rel=1e-8)
     assert found["way"] == "rhythm"
     known = ["--run", str(PENDULUM.path), "--plant", "linear"]
-    assert main(["identify", str(times), str(samples), *known, "--json"]) == 0
-    one, two = json.loads(capsys.readouterr().out)
+    one, two = shell.answers(["identify", str(times), str(samples), *known, "--json"])
     assert any(low <= 0.9 <= high for low, high in one["intervals"])
     assert two["value"] == pytest.approx(0.9, rel=1e-4)
-    assert main(["identify", str(times)]) == 2
-    assert "--run must say" in capsys.readouterr().err
-    assert main(["identify", str(tmp_path / "none.csv"), *known]) == 2
-    assert len(told(capsys.readouterr().err)) == 1
+    assert "--run must say" in shell.refuses(["identify", str(times)])
+    assert len(told(shell.refuses(["identify", str(tmp_path / "none.csv"), *known]))) == 1

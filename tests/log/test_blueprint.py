@@ -1,7 +1,5 @@
 """The arrangement as it stands in the file: every view has something to show."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,9 +7,7 @@ import pytest
 from log_cases import made_up, standing, with_scene
 from rerun.chunk import RrdReader
 
-from icmj.case.result import Result
-from icmj.controller.trigger import Continuous
-from icmj.log.writer import write_log
+from icmj import Continuous, Result, write_log
 
 
 def arranged(path: Path) -> dict[str, tuple[str, str]]:
@@ -67,14 +63,8 @@ def test_the_usual_arrangement_has_all_that_was_asked_for(tmp_path: Path) -> Non
     kinds = [kind for kind, _ in views.values()]
     assert kinds.count("3D") == kinds.count("TextDocument") == 1
     origins = {origin.strip("/") for kind, origin in views.values() if kind == "TimeSeries"}
-    assert origins == {
-        *("outputs", "inputs", "states/hold", "states/observer", "states/plant", "trigger", "interval", "modes")
-    }
-
-
-def test_there_is_no_view_of_a_body_that_is_not_there(tmp_path: Path) -> None:
-    write_log(variants()["without figures"], tmp_path / "x.rrd")
-    assert "3D" not in {kind for kind, _ in arranged(tmp_path / "x.rrd").values()}
+    signals = ("outputs", "inputs", "states/hold", "states/observer", "states/plant")
+    assert origins == {"trigger", "interval", "modes", *signals}
 
 
 def test_a_run_alone_has_body_signals_phase_plane_and_intervals(tmp_path: Path) -> None:
@@ -88,8 +78,10 @@ def test_a_run_alone_has_body_signals_phase_plane_and_intervals(tmp_path: Path) 
     assert more == {"/outputs/continuous", "/inputs/continuous"}
 
 
-def test_views_name_the_unit_of_what_they_show(tmp_path: Path) -> None:
+def test_views_name_the_unit_of_what_they_show_and_there_is_none_of_a_body_that_is_not_there(tmp_path: Path) -> None:
     usual = variants()["without figures"]
+    write_log(usual, tmp_path / "x.rrd")
+    assert "3D" not in {kind for kind, _ in arranged(tmp_path / "x.rrd").values()}
     for units, words in ((("m",), "Outputs y [m]"), ((), "Outputs y")):
         shown = replace(usual, actual=replace(usual.actual, output_units=units))
         write_log(shown, tmp_path / "x.rrd")

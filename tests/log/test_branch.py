@@ -1,7 +1,5 @@
 """A branch in a recording: the same to the last bit, with the body on every cycle of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A log carries the models that its analysis needs: copied elsewhere, it is identified as where it was made."""
 
-from __future__ import annotations
-
 import json
 import shutil
 
@@ -9,7 +7,6 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.cli.main import main
 from icmj.errors import RunFileError
 from icmj.log import archive
 from icmj.log.reader import read_log
@@ -49,10 +46,9 @@ def copied(request, tmp_path_factory):
     return path, result
 
 
-def test_a_log_copied_elsewhere_is_identified(copied, capsys):
+def test_a_log_copied_elsewhere_is_identified(copied, shell):
     path, result = copied
-    assert main(["identify", str(path), "--json"]) == 0
-    (told,) = json.loads(capsys.readouterr().out)
+    (told,) = shell.answers(["identify", str(path), "--json"])
     assert told["value"] == pytest.approx(0.9, abs=1e-6)
     again = read_log(path)
     assert again.run.text == result.run.text

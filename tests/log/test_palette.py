@@ -1,7 +1,5 @@
 """Colours of series are legible on either theme's ground, and told apart."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from log_cases import made_up

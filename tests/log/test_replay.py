@@ -1,7 +1,5 @@
 """The replay: pictures of real logs, a page on the loopback address only, salvage, and clear refusals."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal
@@ -20,11 +18,10 @@ from log_cases import made_up, with_scene
 from matplotlib.image import imread
 from patience import PATIENCE
 
+from icmj import Settings, write_log
 from icmj.engine.run import simulate
 from icmj.errors import LogError
 from icmj.log.reader import _await_port, _base, _free_port, _running, replay
-from icmj.log.writer import write_log
-from icmj.simulation.settings import Settings
 
 SIZE = (1280, 800)
 

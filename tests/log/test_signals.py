@@ -54,11 +54,8 @@ def test_series_are_left_out_where_they_do_not_exist() -> None:
     gone = {"outputs/predicted", "inputs/predicted", "interval/delta_crit"}
     gone |= {"modes/critical", "modes/others", "modes/gamma", "modes/events"}
     assert everything - {group.path for group in groups(none)} == gone
-    clock = replace(
-        result,
-        controller=result.controller.triggered_by(ClockTrigger(0.5)),
-        simulation=replace(result.simulation, control="clock", E=np.full_like(result.simulation.E, np.nan)),
-    )
+    ticking = replace(result.simulation, control="clock", E=np.full_like(result.simulation.E, np.nan))
+    clock = replace(result, controller=result.controller.triggered_by(ClockTrigger(0.5)), simulation=ticking)
     assert everything - {g.path for g in groups(clock)} == {"trigger/E", "trigger/threshold", "trigger/events"}
 
 

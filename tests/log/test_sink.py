@@ -1,7 +1,5 @@
 """What rerun writes into memory reaches the disk whole, or not at all and with a message."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What is in the file, read with rerun's and Arrow's own means, and that it is there whole or not at all."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -15,21 +13,14 @@ import rerun as rr
 from log_cases import MODELS, assert_same, made_up, with_scene
 from rerun.chunk import RrdReader
 
+from icmj import ClockTrigger, Continuous, Result, Settings, error_system, load_plant, measure, predict, write_log
 from icmj.base.files import whole
 from icmj.case.comparison import Comparison, compare
-from icmj.case.result import Result
-from icmj.controller.trigger import ClockTrigger, Continuous
-from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
 from icmj.errors import LogError
 from icmj.log.figure import eye
 from icmj.log.reader import read_log, read_summary
-from icmj.log.writer import write_log
-from icmj.measurement.measurement import measure
-from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import FRAME, Events, Geom
-from icmj.theory.error_system import error_system
-from icmj.theory.prediction import predict
 
 
 @pytest.fixture(scope="module")
@@ -52,11 +43,8 @@ def tables(path: Path, entity: str, *, static: bool = False) -> list[pa.RecordBa
 
 def column(path: Path, entity: str, component: str, *, static: bool = False) -> np.ndarray:
     """One component, all rows after each other."""
-    parts = [
-        batch.column(component).flatten()
-        for batch in tables(path, entity, static=static)
-        if component in batch.schema.names
-    ]
+    batches = tables(path, entity, static=static)
+    parts = [batch.column(component).flatten() for batch in batches if component in batch.schema.names]
     while pa.types.is_list(parts[0].type) or pa.types.is_fixed_size_list(parts[0].type):
         parts = [part.flatten() for part in parts]
     return np.concatenate([part.to_numpy(zero_copy_only=False) for part in parts])
@@ -69,26 +57,18 @@ def times(path: Path, entity: str) -> np.ndarray:
 @pytest.mark.parametrize(
     ("entity", "name"), [("/outputs/run", "y"), ("/states/plant", "x"), ("/states/observer", "x_o")]
 )
-def test_a_series_is_there_in_full_precision_at_its_times(
-    entity: str, name: str, log: Path, three_link: Result
-) -> None:
+def test_a_series_is_there_in_full_precision_at_its_times(entity, name, log, three_link):
     values = getattr(three_link.simulation, name)
     np.testing.assert_array_equal(column(log, entity, "Scalars:scalars").reshape(values.shape), values)
     np.testing.assert_allclose(times(log, entity), three_link.simulation.t * 1e9, atol=0.51)
 
 
-def test_the_legend_has_names(log: Path, three_link: Result) -> None:
+def test_the_legend_has_names_events_are_marks_and_there_is_one_timeline(log: Path, three_link: Result) -> None:
     (names,) = (b.column("SeriesLines:names").to_pylist()[0] for b in tables(log, "/outputs/run", static=True))
     assert tuple(names) == three_link.actual.outputs
-
-
-def test_events_are_marks(log: Path, three_link: Result) -> None:
     events = three_link.simulation.events
     np.testing.assert_array_equal(column(log, "/interval/events", "Scalars:scalars"), events.interval)
     np.testing.assert_allclose(times(log, "/interval/events"), events.t * 1e9, atol=0.51)
-
-
-def test_there_is_one_timeline(log: Path) -> None:
     lines = {name for chunk in RrdReader(log).store().stream() for name in chunk.timeline_names}
     assert lines == {"time"}
 
@@ -97,10 +77,8 @@ def test_bodies_move_as_the_poses_say(log: Path, three_link: Result) -> None:
     scene, t = three_link.scene, three_link.simulation.t
     assert scene is not None
     index = scene.bodies.index("trunk")
-    for figure, xpos, xquat in (
-        ("true", scene.xpos, scene.xquat),
-        ("magnified", scene.magnified_xpos, scene.magnified_xquat),
-    ):
+    poses = {"true": (scene.xpos, scene.xquat), "magnified": (scene.magnified_xpos, scene.magnified_xquat)}
+    for figure, (xpos, xquat) in poses.items():
         entity = f"/scene/{figure}/trunk"
         at = times(log, entity) * 1e-9
         rows = np.abs(t[:, None] - at).argmin(axis=0)
@@ -109,14 +87,10 @@ def test_bodies_move_as_the_poses_say(log: Path, three_link: Result) -> None:
         turn = column(log, entity, "Transform3D:quaternion").reshape(-1, 4)
         np.testing.assert_allclose(place, xpos[rows, index], atol=1e-6)
         np.testing.assert_allclose(turn[:, [3, 0, 1, 2]], xquat[rows, index], atol=1e-6)
-    x_true, x_magnified = (
-        column(log, f"/scene/{f}", "Transform3D:translation", static=True)[0] for f in ("true", "magnified")
-    )
-    assert x_magnified - x_true > 0.5, "the magnified figure stands beside the true one"
-    (label,) = (
-        b.column("Points3D:labels").to_pylist()[0][0] for b in tables(log, "/scene/magnified/label", static=True)
-    )
-    assert label == "sway × 10"
+    x = [column(log, f"/scene/{f}", "Transform3D:translation", static=True)[0] for f in ("true", "magnified")]
+    assert x[1] - x[0] > 0.5, "the magnified figure stands beside the true one"
+    (batch,) = tables(log, "/scene/magnified/label", static=True)
+    assert batch.column("Points3D:labels").to_pylist()[0][0] == "sway × 10"
 
 
 def test_capsules_end_where_they_end_in_mujoco(log: Path, three_link: Result) -> None:
@@ -128,9 +102,8 @@ def test_capsules_end_where_they_end_in_mujoco(log: Path, three_link: Result) ->
     start = column(log, entity, "Capsules3D:translations", static=True).reshape(-1, 3)
     length = column(log, entity, "Capsules3D:lengths", static=True)
     turn = column(log, entity, "Capsules3D:quaternions", static=True).reshape(-1, 4)[:, [3, 0, 1, 2]].astype(float)
-    np.testing.assert_allclose(
-        column(log, entity, "Capsules3D:radii", static=True), [g.size[0] for g in capsules], rtol=1e-6
-    )
+    radii = column(log, entity, "Capsules3D:radii", static=True)
+    np.testing.assert_allclose(radii, [g.size[0] for g in capsules], rtol=1e-6)
     for i, geom in enumerate(capsules):
         ours, theirs = np.zeros(3), np.zeros(3)
         mujoco.mju_rotVecQuat(ours, np.array([0, 0, float(length[i])]), turn[i])
@@ -190,16 +163,16 @@ def other_kinds() -> dict[str, Result]:
     result, plant = made_up(duration=3.0)
     simulation = result.simulation
     never = Events(np.zeros(0), *(np.zeros((0, 2)),) * 3, *(np.zeros((0, 1)),) * 2)
-    nothing = dict.fromkeys(
-        ("delta_crit", "eigenvalue", "period", "gamma", "amplitude", "orbit", "multipliers", "V_inv")
-    )
+    numbers = ("delta_crit", "eigenvalue", "period", "gamma", "amplitude", "orbit", "multipliers", "V_inv")
+    nothing = dict.fromkeys(numbers)
     one = {f: getattr(simulation, f)[:1] for f in ("t", "x", "y", "u", "x_o", "x_h", "E")}
-    nan = {
-        f: np.where(simulation.t[:, None] > 2, np.nan, getattr(simulation, f)) for f in ("x", "y", "u", "x_o", "x_h")
-    }
+    late = simulation.t[:, None] > 2
+    nan = {f: np.where(late, np.nan, getattr(simulation, f)) for f in ("x", "y", "u", "x_o", "x_h")}
     no_E = np.full_like(simulation.E, np.nan)
-    quiet = replace(
-        result.measurement, kind="no events", p=None, interval=None, intervals=np.zeros(0), period=None, residual=np.nan
+    none = {"p": None, "interval": None, "intervals": np.zeros(0), "period": None, "residual": np.nan}
+    quiet = replace(result.measurement, kind="no events", **none)
+    clocked, continuous = (
+        replace(result, controller=result.controller.triggered_by(rule)) for rule in (ClockTrigger(0.5), Continuous())
     )
     return {
         "no events": replace(result, simulation=replace(simulation, events=never), measurement=quiet),
@@ -207,16 +180,9 @@ def other_kinds() -> dict[str, Result]:
         "diverged": replace(result, simulation=replace(simulation, **nan)),
         "diverged, with figures": with_scene(replace(result, simulation=replace(simulation, **nan)), plant),
         "no prediction": replace(result, prediction=replace(result.prediction, cycle=False, **nothing)),
-        "clock": replace(
-            result,
-            controller=result.controller.triggered_by(ClockTrigger(0.5)),
-            simulation=replace(simulation, control="clock", E=no_E),
-        ),
+        "clock": replace(clocked, simulation=replace(simulation, control="clock", E=no_E)),
         "continuous": replace(
-            result,
-            controller=result.controller.triggered_by(Continuous()),
-            simulation=replace(simulation, control="continuous", E=no_E, events=never),
-            measurement=quiet,
+            continuous, simulation=replace(simulation, control="continuous", E=no_E, events=never), measurement=quiet
         ),
         "no growth": replace(result, growth=None, law=None),
     }

@@ -1,7 +1,5 @@
 """Prediction ellipse and range: the probability they promise, and known shapes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

@@ -6,17 +6,12 @@ import numpy as np
 import pytest
 from linear_cases import PENDULUM, event_controller, neglected, pendulum_design, settings
 
-from icmj.case.case import prepare
+from icmj import ClockTrigger, Controller, error_system, load_run, prepare, system_matched
 from icmj.case.case import simulate as simulate_case
-from icmj.controller.controller import Controller
-from icmj.controller.design import system_matched
-from icmj.controller.trigger import ClockTrigger
 from icmj.linear.run import simulate
 from icmj.measurement.measurement import growth_per_interval, measure, measured_gamma, reduced_states
-from icmj.runfile.reading import load_run
 from icmj.simulation.ending import Outcome
 from icmj.simulation.simulation import Events, Simulation
-from icmj.theory.error_system import error_system
 
 T_HAT = np.eye(2)
 
@@ -29,19 +24,12 @@ def motion(states, intervals, *, after=0.0, control="event", outcome="completed"
     end = (t[-1] if K else 10.0) + after
     x, x_o = states[:, :2], states[:, 2:] + states[:, :2]
     samples = np.array([0.0, end])
+    none = np.zeros((2, 2))
     return Simulation(
-        plant="linear",
-        control=control,
-        t=samples,
-        x=np.zeros((2, 2)),
-        y=np.array([[0.5], [-0.25]]),
-        u=np.zeros((2, 1)),
-        x_o=np.zeros((2, 2)),
-        x_h=np.zeros((2, 2)),
-        E=np.zeros(2),
+        plant="linear", control=control, t=samples, x=none, y=np.array([[0.5], [-0.25]]), u=np.zeros((2, 1)),
+        x_o=none, x_h=none, E=np.zeros(2), outcome=Outcome(outcome, end, outcome),
         events=Events(t, x, x_o, x_o, y_max=x[:, :1] + 0.1, y_min=x[:, :1] - 0.1),
-        outcome=Outcome(outcome, end, outcome),
-    )
+    )  # fmt: skip
 
 
 def periodic(p, K=100, sign=1, noise=0.0, seed=0):
@@ -110,11 +98,6 @@ def test_growth_and_decay_under_the_clock():
         assert f"{abs(rate):.4g}" in found.words
 
 
-def test_a_fall_is_growth():
-    found = measure(motion(*periodic(1), outcome="fell"), T_hat=T_HAT)
-    assert found.kind == "growth"
-
-
 def test_homoclinic_growth_of_the_interval():
     intervals = 0.3 * 2.0 ** np.arange(7)
     found = measure(motion(0.5 ** np.arange(7)[:, None] * np.ones(4), intervals), T_hat=T_HAT)
@@ -122,41 +105,30 @@ def test_homoclinic_growth_of_the_interval():
     assert "without bound" in found.words
 
 
-def test_quasi_periodic():
+def test_few_events_and_two_turns_of_a_cycle_are_too_short_and_a_fall_is_growth():
+    random = np.random.default_rng(3)
+    few = motion(random.standard_normal((20, 4)), random.uniform(1, 2, 20))
+    known = ((few, "too short"), (motion(*periodic(3, K=8)), "too short"), (motion(*periodic(3, K=9)), "cycle"))
+    for run, kind in (*known, (motion(*periodic(1), outcome="fell"), "growth")):
+        assert measure(run, T_hat=T_HAT).kind == kind
+
+
+def test_quasi_periodic_and_irregular():
     angle = 2 * np.pi * (np.sqrt(5) - 1) / 2 * np.arange(150)
     states = np.column_stack([np.cos(angle), np.sin(angle), 0.2 * np.cos(angle), 0.1 * np.sin(angle)])
-    found = measure(motion(states, 1 + 0.1 * np.sin(angle)), T_hat=T_HAT)
-    assert found.kind == "quasi-periodic"
-
-
-def test_irregular():
+    assert measure(motion(states, 1 + 0.1 * np.sin(angle)), T_hat=T_HAT).kind == "quasi-periodic"
     s = [0.3, 0.5]
     for _ in range(250):  # the Hénon map
         s.append(1 - 1.4 * s[-1] ** 2 + 0.3 * s[-2])
     s = np.array(s)
     states = np.column_stack([s[1:], s[:-1], s[1:], s[:-1]])
-    found = measure(motion(states, 1 + 0.1 * s[1:]), T_hat=T_HAT)
-    assert found.kind == "irregular"
+    assert measure(motion(states, 1 + 0.1 * s[1:]), T_hat=T_HAT).kind == "irregular"
 
 
-def test_few_events_are_too_short():
-    random = np.random.default_rng(3)
-    found = measure(motion(random.standard_normal((20, 4)), random.uniform(1, 2, 20)), T_hat=T_HAT)
-    assert found.kind == "too short"
-
-
-def test_two_turns_of_a_cycle_are_too_short():
-    assert measure(motion(*periodic(3, K=8)), T_hat=T_HAT).kind == "too short"
-    assert measure(motion(*periodic(3, K=9)), T_hat=T_HAT).kind == "cycle"
-
-
-def test_a_cycle_that_fell_silent_is_no_cycle():
+def test_a_cycle_that_fell_silent_is_no_cycle_nor_is_a_run_without_events():
     found = measure(motion(*periodic(1), after=30.0), T_hat=T_HAT)
     assert found.kind == "decay"  # x at the end of this run is zero
     assert "no event" in found.words
-
-
-def test_no_events():
     found = measure(motion(np.zeros((0, 4)), []), T_hat=T_HAT)
     assert (found.kind, found.interval) == ("no events", None)
     assert found.amplitude == pytest.approx([0.25])
@@ -167,17 +139,11 @@ def test_a_run_in_which_nothing_could_happen_says_so(root):
     run = load_run(root / "runs" / "simple-0.8.toml").with_(**{"simulation.initial": {}, "simulation.duration": 2.0})
     pushed = [{"kind": "impulse", "input": "torque", "size": 1e-4}]
     for kind in ("linear", "mujoco"):
-        still, *others = (
-            measure(simulate_case(prepare(one), kind), T_hat=np.eye(2))
-            for one in (
-                run,
-                run.with_(**{"simulation.initial": {"hinge": 1e-6}}),
-                run.with_(**{"simulation.disturbance": pushed}),
-            )
-        )
-        assert still.words == (
-            "No event in 2 s: it starts at rest and nothing disturbs it; give it [simulation] initial or a disturbance."
-        )
+        moved = ({"simulation.initial": {"hinge": 1e-6}}, {"simulation.disturbance": pushed})
+        runs = (run, *(run.with_(**changes) for changes in moved))
+        still, *others = (measure(simulate_case(prepare(one), kind), T_hat=np.eye(2)) for one in runs)
+        why = "it starts at rest and nothing disturbs it; give it [simulation] initial or a disturbance"
+        assert still.words == f"No event in 2 s: {why}."
         assert [other.words for other in others] == ["No event in 2 s."] * 2
 
 
@@ -236,6 +202,5 @@ def test_growth_under_the_clock_is_the_largest_eigenvalue(gain, interval):
     eigenvalues = np.linalg.eigvals(error_system(plant, design).phi(interval))
     events = min(200, int(20 / abs(np.log(np.abs(eigenvalues).max()))))
     run = simulate(plant, controller, settings(interval * (events + 0.5), limit=1e30, initial={"hinge": 0.02}))
-    assert growth_per_interval(reduced_states(run.events.x, run.events.x_o, T_HAT)) == pytest.approx(
-        np.abs(eigenvalues).max(), rel=1e-6
-    )
+    found = growth_per_interval(reduced_states(run.events.x, run.events.x_o, T_HAT))
+    assert found == pytest.approx(np.abs(eigenvalues).max(), rel=1e-6)

@@ -13,22 +13,16 @@ def test_closure_of_a_geometric_sequence():
     assert closure(states, np.ones(8), 1, -1) == pytest.approx(np.full(7, 1.5))
 
 
-def test_closure_sees_the_intervals():
+def test_closure_sees_the_intervals_and_a_zero_state_has_not_closed():
     states = np.ones((4, 2))
     assert closure(states, np.array([1.0, 1.0, 2.0, 2.0]), 1, 1) == pytest.approx([0, 0.5, 0])
-
-
-def test_a_zero_state_has_not_closed():
     assert np.isinf(closure(np.zeros((3, 2)), np.ones(3), 1, 1)).all()
 
 
-def test_trend_of_a_geometric_sequence():
+def test_a_geometric_sequence_has_a_trend_and_noise_no_clear_one():
     fit = trend(4 * 0.7 ** np.arange(9.0))
     assert fit.ratio == pytest.approx(0.7)
     assert fit.clear
-
-
-def test_noise_has_no_clear_trend():
     assert not trend(np.random.default_rng(1).uniform(1, 2, 30)).clear
     assert not trend(np.array([1.0, 0.1])).clear
 

@@ -1,7 +1,5 @@
 """Stabilogram diffusion against its definition, and where it is known in closed form."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,18 +1,15 @@
 """Statistics of runs under noise: their confidence covers the truth, and uneven rows do not show in a spectrum."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from linear_cases import PENDULUM, event_controller, pendulum_design, settings
 from scipy.signal import lfilter, welch
 
+from icmj import Noise, measure
 from icmj.linear.run import simulate
-from icmj.measurement.measurement import measure
 from icmj.measurement.statistics import Estimate, Statistics, deviation, mean, spectrum, statistics
 from icmj.series.series import evenly
 from icmj.simulation.ending import Outcome
-from icmj.simulation.settings import Noise
 from icmj.simulation.simulation import Events, Simulation
 
 PHI = 0.9
@@ -138,9 +135,8 @@ def test_a_run_that_fell_or_hardly_began_has_none() -> None:
     run = hand_made(np.full(50, 0.4), 0.3)
     assert statistics(Simulation(**{**vars(run), "outcome": Outcome("fell", 1.0, "fell")})) is None
     assert statistics(hand_made(np.full(1, 0.1), 0.0)) is None
-    alone = statistics(
-        Simulation(**{**vars(run), "control": "continuous", "events": hand_made(np.full(1, 20.0), 0.0).events})
-    )
+    events = hand_made(np.full(1, 20.0), 0.0).events
+    alone = statistics(Simulation(**{**vars(run), "control": "continuous", "events": events}))
     assert alone is not None
     assert alone.interval is None
     assert alone.binding is None

@@ -1,7 +1,5 @@
 """Measures of sway: closed forms of known signals, other programs' formulas, and published measures of real people."""
 
-from __future__ import annotations
-
 import csv
 from fractions import Fraction
 from itertools import pairwise
@@ -10,10 +8,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from icmj import Series, read_series
 from icmj.errors import DataError
 from icmj.measurement.sway import frequencies, from_torque, measure_sway
-from icmj.series.reading import read_series
-from icmj.series.series import Series
 
 RATE = 100.0
 T = np.arange(6000) / RATE
@@ -136,17 +133,14 @@ def test_the_centre_of_pressure_is_torque_over_weight():
         from_torque(series, "ankle_torque", 0.0)
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"low_pass": 50.0}, "low-pass of 50 Hz"),
-        ({"low_pass": 0.0}, "low-pass of 0 Hz"),
-        ({"low_pass": 1e-9}, r"low-pass of 1e-09 Hz; expected from 0\.\d+ Hz, one period in the record"),
-        ({"band": (5.0, 1.0)}, "a band of 5 to 1 Hz"),
-        ({"columns": ["ml"]}, "no column 'ml'"),
-        ({"rate": -1.0}, "must be positive"),
-    ],
-)
+@pytest.mark.parametrize(("options", "words"), [
+    ({"low_pass": 50.0}, "low-pass of 50 Hz"),
+    ({"low_pass": 0.0}, "low-pass of 0 Hz"),
+    ({"low_pass": 1e-9}, r"low-pass of 1e-09 Hz; expected from 0\.\d+ Hz, one period in the record"),
+    ({"band": (5.0, 1.0)}, "a band of 5 to 1 Hz"),
+    ({"columns": ["ml"]}, "no column 'ml'"),
+    ({"rate": -1.0}, "must be positive"),
+])  # fmt: skip
 def test_what_cannot_be_measured_is_refused(options, words):
     with pytest.raises(DataError, match=words):
         measure_sway(Series(T, sinusoid()[:, None], ("ap",)), **options)

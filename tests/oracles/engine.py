@@ -1,7 +1,5 @@
 """The closed loop on MuJoCo by others: the bare plant, the paper's equations in numpy, SciPy's integrator."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -10,11 +8,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
-from icmj.controller.controller import Controller
-from icmj.controller.trigger import EventTrigger
+from icmj import Controller, EventTrigger, MujocoPlant
 from icmj.engine.closed_loop import ComposedLoop
 from icmj.engine.native.field import callbacks
-from icmj.engine.plant import MujocoPlant
 from icmj.engine.safety import install_callbacks
 
 

@@ -4,8 +4,6 @@ States are absolute: x, x_o and x_h; r is a function, and r_h the set-point that
 from anything else, and r is no state: it begins anew wherever r or its rate jumps, or something is due.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

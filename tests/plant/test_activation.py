@@ -1,7 +1,5 @@
 """Activation dynamics before a linear plant, against closed forms of a lag and random plants."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -89,21 +87,18 @@ def test_a_limit_guards_no_activation():
     assert positions_of(Activation(2, 0.1).before(any_plant(3))).tolist() == list(range(any_plant(3).n))
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"order": 3, "time_constant": 0.1}, "order must be 0, 1 or 2, got 3"),
-        ({"order": True, "time_constant": 0.1}, "order must be"),
-        ({"order": 1}, "give a lag of order 1 a time_constant"),
-        ({"order": 1, "frequency": 3.0}, "a lag of order 1 has no frequency"),
-        ({"order": 0, "time_constant": 3.0}, "a lag of order 0 has no time_constant"),
-        ({"order": 1, "time_constant": np.nan}, "time_constant must be a positive number, got nan"),
-        ({"order": 1, "time_constant": {"a": 0.0}}, "time_constant must be a positive number, got 0.0"),
-        ({"order": 1, "time_constant": {}}, "time_constant names no input"),
-        ({"order": 2, "time_constant": 0.1, "frequency": 3.0}, "either a time_constant"),
-        ({"order": 2, "time_constant": 0.1, "damping_ratio": -1.0}, "damping_ratio must be a positive number"),
-    ],
-)
+@pytest.mark.parametrize(("given", "words"), [
+    ({"order": 3, "time_constant": 0.1}, "order must be 0, 1 or 2, got 3"),
+    ({"order": True, "time_constant": 0.1}, "order must be"),
+    ({"order": 1}, "give a lag of order 1 a time_constant"),
+    ({"order": 1, "frequency": 3.0}, "a lag of order 1 has no frequency"),
+    ({"order": 0, "time_constant": 3.0}, "a lag of order 0 has no time_constant"),
+    ({"order": 1, "time_constant": np.nan}, "time_constant must be a positive number, got nan"),
+    ({"order": 1, "time_constant": {"a": 0.0}}, "time_constant must be a positive number, got 0.0"),
+    ({"order": 1, "time_constant": {}}, "time_constant names no input"),
+    ({"order": 2, "time_constant": 0.1, "frequency": 3.0}, "either a time_constant"),
+    ({"order": 2, "time_constant": 0.1, "damping_ratio": -1.0}, "damping_ratio must be a positive number"),
+])  # fmt: skip
 def test_what_is_no_lag_is_refused(given, words):
     with pytest.raises(ModelError, match=words):
         Activation(**given)

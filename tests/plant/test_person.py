@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
+from icmj import load_plant, parse_run
 from icmj.engine.linearisation import linearise
 from icmj.engine.model import load_spec
-from icmj.engine.plant import load_plant
 from icmj.errors import ModelError
 from icmj.plant.body import Person, Segment
-from icmj.runfile.reading import parse_run
 
 RUN = """
 case = { name = "person", title = "A person" }
@@ -81,12 +80,10 @@ def test_a_run_file_names_the_person_of_both_plants(root):
     assert parse_run(run.text, run.path).model_dump() == run.model_dump()
 
 
-def test_a_written_model_is_the_same_plant(root, tmp_path, capsys):
-    from icmj.cli.main import main
+def test_a_written_model_is_the_same_plant(root, tmp_path, shell):
 
     source, out = root / "models" / "three_link.xml", tmp_path / "small.xml"
-    assert main(["person", str(source), "--height", "1.65", "--mass", "60", "--out", str(out)]) == 0
-    assert "N m/rad" in capsys.readouterr().out
+    assert "N m/rad" in shell.says(["person", str(source), "--height", "1.65", "--mass", "60", "--out", str(out)])
     written = load_plant(out, keyframe="upright").linearisation.plant
     made = linearise(load_spec(source, person=Person(1.65, 60)).compile(), "upright").plant
     np.testing.assert_allclose(written.A, made.A, rtol=1e-5, atol=1e-4)

@@ -1,7 +1,5 @@
 """Modes and notices of plants whose structure is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

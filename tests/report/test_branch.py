@@ -1,7 +1,5 @@
 """Pictures of branches: what is solid and what is dashed, where the marks stand, and that everything is drawn."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Literal
 

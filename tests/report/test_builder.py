@@ -1,17 +1,15 @@
 """The report as files: self-contained, complete or not there."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
 import pytest
-from report_cases import CASES, result, whole_report
+from report_cases import CASES, result, run_text, whole_report
 
+from icmj import build_report, parse_run
 from icmj.errors import ReportError
-from icmj.report.builder import build_report
 from icmj.report.panels import PANELS
 
 pytestmark = pytest.mark.slow  # every figure of every case is drawn
@@ -58,9 +56,11 @@ def page(report):
     return reader
 
 
-def test_page_is_well_formed(page):
+def test_page_is_well_formed_and_its_links_lead_somewhere(page):
     assert page.open == []
     assert len(page.ids) == len(set(page.ids))
+    assert page.links
+    assert {link.removeprefix("#") for link in page.links} <= set(page.ids)
 
 
 def test_page_needs_no_network(report, page):
@@ -69,11 +69,6 @@ def test_page_needs_no_network(report, page):
     assert "url(" not in css
     assert "@import" not in css
     assert "http" not in css
-
-
-def test_links_in_the_page_lead_somewhere(page):
-    assert page.links
-    assert {link.removeprefix("#") for link in page.links} <= set(page.ids)
 
 
 def test_every_panel_of_every_case_is_in_the_page_with_words(page):
@@ -138,23 +133,16 @@ def test_a_failure_leaves_the_old_page_alone(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [out]
 
 
-def test_no_results_write_nothing(tmp_path):
+def test_no_results_write_nothing_and_an_unusable_place_is_named(tmp_path):
     with pytest.raises(ReportError, match="at least one log"):
         build_report([], tmp_path / "new" / "report.html")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_an_unusable_place_is_named(tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ReportError, match="file"):
         build_report([result("b0.8")], tmp_path / "file" / "report.html")
 
 
 def test_titles_are_text_not_markup(tmp_path):
-    from report_cases import run_text
-
-    from icmj.runfile.reading import parse_run
-
     text = run_text("b0.8").replace("Simple system, b = 0.8", "<img src=x onerror=alert(1)> & co")
     build_report([replace(result("b0.8"), run=parse_run(text))], tmp_path / "r.html")
     page = (tmp_path / "r.html").read_text(encoding="utf-8")

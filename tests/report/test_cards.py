@@ -1,7 +1,5 @@
 """What results, and what they are made of, show of themselves: short, with units, whatever there is or is not."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import fields, replace
 

@@ -1,7 +1,5 @@
 """The figure of the amplitude law."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -40,17 +38,14 @@ def test_zero_and_missing_errors_are_left_out():
     assert [len(item.get_xdata()) for item in lines] == [2, 1]
 
 
-@pytest.mark.parametrize(
-    ("rule", "units", "unit"),
-    [
-        (None, ("m",) * 3, "m"),
-        (None, ("rad", "m", "rad"), "each in its own unit"),
-        (None, (), ""),
-        (BoxTrigger(np.full(3, 0.1)), ("m",) * 3, "m"),
-        (BoxTrigger(np.full(6, 0.1), "state"), ("m",) * 3, ""),
-        (EventTrigger(np.eye(6), 0.1), ("m",) * 3, ""),
-    ],
-)
+@pytest.mark.parametrize(("rule", "units", "unit"), [
+    (None, ("m",) * 3, "m"),
+    (None, ("rad", "m", "rad"), "each in its own unit"),
+    (None, (), ""),
+    (BoxTrigger(np.full(3, 0.1)), ("m",) * 3, "m"),
+    (BoxTrigger(np.full(6, 0.1), "state"), ("m",) * 3, ""),
+    (EventTrigger(np.eye(6), 0.1), ("m",) * 3, ""),
+])  # fmt: skip
 def test_the_threshold_has_the_unit_of_what_the_rule_weighs(rule, units, unit):
     found = result("three-link")
     if rule is not None:

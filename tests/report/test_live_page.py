@@ -1,7 +1,5 @@
 """The live page as a reader meets it, in a headless Chromium: what moves, what is said, and that it needs nothing."""
 
-from __future__ import annotations
-
 import html
 import json
 import re
@@ -157,9 +155,8 @@ def test_no_title_becomes_script_and_a_plant_of_matrices_says_that_it_is_linear(
     icmj.build_live(icmj.prepare(icmj.parse_run(text, run.path)), page)
     plain = page.read_text(encoding="utf-8").replace("</body>", '<p id="done"></p></body>')
     listening = plain.replace("<head>", f"<head><script>{LISTEN}</script>", 1)
-    page.write_text(
-        listening.replace('<p id="done">', '<script type="module">document.title = faults.length</script><p>')
-    )
+    counting = "document.title = faults.length"
+    page.write_text(listening.replace('<p id="done">', f'<script type="module">{counting}</script><p>'))
     dom = chromium(tmp_path, "--virtual-time-budget=3000", "--dump-dom", page.as_uri()).stdout
     assert "<title>0</title>" in dom
     assert "The body on this page is the linear plant: it is given by matrices." in html.unescape(dom)

@@ -1,7 +1,5 @@
 """Pictures of sweeps show what the rows say: contours where the error is that, hatching where there is no cycle."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +7,9 @@ import pyarrow as pa
 import pytest
 from matplotlib.figure import Figure
 
+from icmj import build_report, plots
 from icmj.case.result import SweepTable
 from icmj.errors import ReportError
-from icmj.report import plots
-from icmj.report.builder import build_report
 from icmj.report.maps import edges, grid, motions, pictures, regions
 
 B, Q = np.linspace(0.8, 1.2, 9), np.geomspace(1e-3, 1e-1, 21)
@@ -95,18 +92,12 @@ def test_cycles_that_agree_are_one_motion_the_others_are_named() -> None:
 
 def test_the_curve_is_the_prediction_where_a_cycle_is_and_marks_what_was_measured() -> None:
     b = np.array([0.8, 0.9, 1.1, 1.2])
-    table = pa.table(
-        {
-            "b": b,
-            "status": ["ok"] * 4,
-            "predicted_delta_crit": [1.8, 2.4, 2.1, 1.5],
-            "predicted_eigenvalue": [1.0, 1.0, -1.0, -1.0],
-            "predicted_cycle": [True] * 4,
-            "linear_kind": ["cycle", "cycle", "too short", "cycle"],
-            "linear_on_predicted": [True, True, False, True],
-            "linear_interval": [1.8, 2.4, 2.2, 1.5],
-        }
-    )
+    table = pa.table({
+        "b": b, "status": ["ok"] * 4, "predicted_delta_crit": [1.8, 2.4, 2.1, 1.5],
+        "predicted_eigenvalue": [1.0, 1.0, -1.0, -1.0], "predicted_cycle": [True] * 4,
+        "linear_kind": ["cycle", "cycle", "too short", "cycle"],
+        "linear_on_predicted": [True, True, False, True], "linear_interval": [1.8, 2.4, 2.2, 1.5],
+    })  # fmt: skip
     curve = SweepTable("curve", "A curve", (("b", "actual.gain"),), 4, table)
     drawn = axes()
     plots.critical_interval(drawn, curve, "b")

@@ -1,7 +1,5 @@
 """A case under noise in comparison, archive, summary and page."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
@@ -10,24 +8,20 @@ from log_cases import assert_same
 from matplotlib.figure import Figure
 from report_cases import result
 
+from icmj import Result, build_report, measure, parse_run, statistics
 from icmj.case.comparison import compare, to_json
-from icmj.case.result import Result
 from icmj.errors import LogError
 from icmj.linear.run import simulate
 from icmj.log.archive import pack, unpack
 from icmj.log.writer import markdown
 from icmj.log.writer import summarise as properties
-from icmj.measurement.measurement import measure
-from icmj.measurement.statistics import statistics
 from icmj.plant.linear_plant import transformation
 from icmj.report import sections
-from icmj.report.builder import build_report
 from icmj.report.figures import draw_histogram
 from icmj.report.panels import PANELS
 from icmj.report.sections import Picture
 from icmj.report.summary import estimate
 from icmj.report.wording import pair, shown_interval
-from icmj.runfile.reading import parse_run
 
 PICTURE = Picture("a", "data:", "a")
 NOISE = """
@@ -50,8 +44,17 @@ def noisy() -> Result:
     return replace(quiet, run=run, simulation=simulation, measurement=motion, statistics=statistics(simulation))
 
 
-def test_it_comes_back_from_the_archive_bit_for_bit() -> None:
+def test_it_comes_back_from_the_archive_bit_for_bit_and_damaged_statistics_are_refused() -> None:
     assert_same(noisy(), unpack(*pack(noisy())))
+    told = noisy().statistics
+    assert told is not None
+    for damaged, words in (
+        (replace(told, rms=()), r"statistics\.rms has 0 numbers for 1 outputs"),
+        (replace(told, edges=told.edges[1:]), r"statistics\.edges has shape"),
+        (replace(told, spectrum=replace(told.spectrum, low=told.spectrum.low[1:])), r"statistics\.spectrum\.low"),
+    ):
+        with pytest.raises(LogError, match=words):
+            unpack(*pack(replace(noisy(), statistics=damaged)))
 
 
 def test_measures_of_a_person_stand_beside_those_of_young_people() -> None:
@@ -82,18 +85,6 @@ def test_where_noise_acts_and_no_cycle_is_predicted_no_prediction_is_drawn() -> 
         axes = Figure().add_subplot()
         draw_histogram(axes, case)
         assert any("crit" in str(line.get_label()) for line in axes.lines) == drawn
-
-
-def test_damaged_statistics_are_refused() -> None:
-    told = noisy().statistics
-    assert told is not None
-    for damaged, words in (
-        (replace(told, rms=()), r"statistics\.rms has 0 numbers for 1 outputs"),
-        (replace(told, edges=told.edges[1:]), r"statistics\.edges has shape"),
-        (replace(told, spectrum=replace(told.spectrum, low=told.spectrum.low[1:])), r"statistics\.spectrum\.low"),
-    ):
-        with pytest.raises(LogError, match=words):
-            unpack(*pack(replace(noisy(), statistics=damaged)))
 
 
 def test_it_is_compared_in_distribution() -> None:

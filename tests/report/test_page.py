@@ -3,8 +3,6 @@
 A copy of the page gets a script that inspects it and reports to a frame around it, whose width emulates the device.
 """
 
-from __future__ import annotations
-
 import html
 import json
 import re
@@ -40,14 +38,8 @@ def inspect(page, folder, width, *flags):
     copy = text.replace("<head>", "<head>" + LISTEN, 1).replace("</body>", INSPECT + "</body>", 1)
     (folder / "copy.html").write_text(copy, encoding="utf-8")
     (folder / "frame.html").write_text(FRAME.replace("WIDTH", str(width)), encoding="utf-8")
-    done = chromium(
-        folder,
-        *flags,
-        f"--window-size={width + 100},1000",
-        "--virtual-time-budget=20000",
-        "--dump-dom",
-        (folder / "frame.html").as_uri(),
-    )
+    flags = (*flags, f"--window-size={width + 100},1000", "--virtual-time-budget=20000", "--dump-dom")
+    done = chromium(folder, *flags, (folder / "frame.html").as_uri())
     match = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)
     assert match, done.stderr[-2000:]
     assert match.group(1), done.stderr[-2000:]

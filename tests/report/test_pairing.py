@@ -1,7 +1,5 @@
 """Runs find their case."""
 
-from __future__ import annotations
-
 import pytest
 from report_cases import result
 
@@ -20,11 +18,8 @@ def test_runs_of_a_case_come_together_linear_first():
     assert set(cases[0].comparisons) == {"linear", "mujoco"}
 
 
-def test_no_results_is_an_error():
+def test_no_results_and_the_same_run_twice_are_errors():
     with pytest.raises(ReportError, match="at least one log"):
         pair([])
-
-
-def test_the_same_run_twice_is_an_error():
     with pytest.raises(ReportError, match=r"'b0\.8' on the linear plant"):
         pair([result("b0.8"), result("b0.8")])

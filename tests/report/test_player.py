@@ -1,7 +1,5 @@
 """The moving page: what the script is given, and that bodies move in a headless Chromium, from a file, alone."""
 
-from __future__ import annotations
-
 import base64
 import html
 import json
@@ -14,12 +12,9 @@ import pytest
 from log_cases import made_up, with_scene
 from report_browser import CHROMIUM, chromium
 
+from icmj import build_report, parse_run, read_log, write_log
 from icmj.log.figure import read_scene
-from icmj.log.reader import read_log
-from icmj.log.writer import write_log
-from icmj.report.builder import build_report
 from icmj.report.drawing import moving, script
-from icmj.runfile.reading import parse_run
 from icmj.simulation.simulation import Scene
 
 SEEN = '"\'><img src=x onerror="window.hit=1"><script>window.hit=1</script><!--</script>&amp;\x1b[31m$x_{$'

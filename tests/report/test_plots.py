@@ -1,41 +1,29 @@
 """The figures drawn into axes of one's own: the same artists as the report's, nothing else touched."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from report_cases import result
+from report_cases import result, swaying
 
 import icmj
+from icmj import Delay, Noise, statistics
 from icmj.case.result import output_rate
-from icmj.controller.design import Delay
 from icmj.errors import ReportError
 from icmj.linear.run import simulate
-from icmj.measurement.statistics import statistics
 from icmj.report import style
 from icmj.report.panels import PANELS
 from icmj.report.wording import pair
-from icmj.simulation.settings import Noise
-from icmj.simulation.simulation import Pressure
 
 PLOTS = icmj.plots
 BOTH = ("linear", "mujoco")
 # what is drawn, and which axes of which panel of the report it is
 OF_PANELS = {
-    "modulus": ("a", 0),
-    "locus": ("b", 0),
-    "output": ("c", 0),
-    "phase": ("d", 0),
-    "intervals": ("e", 0),
-    "critical_mode": ("f", 0),
-    "other_modes": ("f", 1),
-    "interval_errors": ("e", 1),
-    "mode_errors": ("f", 2),
-}
+    "modulus": ("a", 0), "locus": ("b", 0), "output": ("c", 0), "phase": ("d", 0), "intervals": ("e", 0),
+    "critical_mode": ("f", 0), "other_modes": ("f", 1), "interval_errors": ("e", 1), "mode_errors": ("f", 2),
+}  # fmt: skip
 
 
 def noisy():
@@ -155,12 +143,8 @@ def test_what_acts_beside_the_command_is_drawn():
 
 def test_the_centre_of_pressure_is_drawn():
     found = result("b0.8")
-    N = len(found.simulation.t)
-    centre, none = np.column_stack([0.004 * np.sin(found.simulation.t), np.zeros(N)]), np.zeros(0)
-    stands = Pressure(
-        found.simulation.t, centre, np.zeros(2), (), np.zeros((N, 0)), none, none, np.zeros((0, 2)), np.zeros((0, 0))
-    )
-    standing = replace(found, simulation=replace(found.simulation, pressure=stands))
+    standing = swaying(found)
+    centre = standing.simulation.pressure.centre
     _, left, right = axes_of_mine()
     PLOTS.pressure(right, standing)
     assert dict(contents(right))["linear"][:, 1] == pytest.approx(1e3 * centre[:, 0])
@@ -188,9 +172,8 @@ def test_measured_sway_is_drawn(function, root):
             PLOTS.sway_path(right, one)
     elif function == "sway_diffusion":
         found = sway.plane.diffusion
-        np.testing.assert_array_equal(
-            drawn[f"plane, H = {found.short.H:.2f}, {found.long.H:.2f}"][:, 1], found.displacement
-        )
+        curve = drawn[f"plane, H = {found.short.H:.2f}, {found.long.H:.2f}"]
+        np.testing.assert_array_equal(curve[:, 1], found.displacement)
         fitted = [points for label, points in contents(right) if label.startswith("_")]
         assert len(fitted) == 6
         (start, end) = fitted[-2]  # the plane's, on short times

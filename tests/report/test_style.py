@@ -1,7 +1,5 @@
 """The style: legible for colour-blind readers and in grey, and gone when the block ends."""
 
-from __future__ import annotations
-
 import matplotlib
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Series: names, choices, even times, pandas."""
 
-from __future__ import annotations
-
 import builtins
 import sys
 
@@ -29,16 +27,13 @@ def test_a_signal_is_found_by_its_name_or_the_end_of_it():
         series.place("hip")
 
 
-@pytest.mark.parametrize(
-    ("t", "values", "names", "words"),
-    [
-        ([0, 1], [[1], [2]], ("a", "b"), "do not fit"),
-        ([0, 1], [[1, 1], [2, 2]], ("a", "a"), "several signals are called a"),
-        ([0, 1, 1], [[1]] * 3, ("a",), "do not rise at row 3: 1 s after 1 s"),
-        ([0, np.nan, 1], [[1]] * 3, ("a",), "do not rise at row 2"),
-        ([np.inf], [[1]], ("a",), "do not rise at row 1"),
-    ],
-)
+@pytest.mark.parametrize(("t", "values", "names", "words"), [
+    ([0, 1], [[1], [2]], ("a", "b"), "do not fit"),
+    ([0, 1], [[1, 1], [2, 2]], ("a", "a"), "several signals are called a"),
+    ([0, 1, 1], [[1]] * 3, ("a",), "do not rise at row 3: 1 s after 1 s"),
+    ([0, np.nan, 1], [[1]] * 3, ("a",), "do not rise at row 2"),
+    ([np.inf], [[1]], ("a",), "do not rise at row 1"),
+])  # fmt: skip
 def test_what_is_no_series_is_refused(t, values, names, words):
     with pytest.raises(DataError, match=words):
         Series(np.array(t, float), np.array(values, float), names)
@@ -63,27 +58,20 @@ def test_uneven_times_are_made_even_by_a_spline_and_said_so():
     assert fine["u.ankle"] == pytest.approx(np.cos(fine.t), abs=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("spoil", "rate", "words"),
-    [
-        (lambda s: s.since(5), None, "0 rows; expected at least 2"),
-        (lambda s: Series(s.t, np.where(s.t[:, None] == s.t[7], np.nan, s.values), s.names), None, "first at 0.07 s"),
-        (
-            lambda s: Series(np.delete(s.t, slice(20, 30)), np.delete(s.values, slice(20, 30), 0), s.names),
-            None,
-            "gap of",
-        ),
-        (
-            lambda s: Series(s.t, s.values * 1e60, s.names),
-            None,
-            r"x\.ankle: has a value of 1e\+60; expected at most 1e\+50",
-        ),
-        (lambda s: Series(s.t * 1e299, s.values, s.names), None, "1e.297 s apart; are the times in seconds"),
-        (lambda s: Series(s.t * 1e-299, s.values, s.names), None, "1e-301 s apart; are the times in seconds"),
-        (lambda s: s, -1.0, "must be positive"),
-        (lambda s: s, 1e12, "expected at most"),
-    ],
-)
+@pytest.mark.parametrize(("spoil", "rate", "words"), [
+    (lambda s: s.since(5), None, "0 rows; expected at least 2"),
+    (lambda s: Series(s.t, np.where(s.t[:, None] == s.t[7], np.nan, s.values), s.names), None, "first at 0.07 s"),
+    (lambda s: Series(np.delete(s.t, slice(20, 30)), np.delete(s.values, slice(20, 30), 0), s.names), None, "gap of"),
+    (
+        lambda s: Series(s.t, s.values * 1e60, s.names),
+        None,
+        r"x\.ankle: has a value of 1e\+60; expected at most 1e\+50",
+    ),
+    (lambda s: Series(s.t * 1e299, s.values, s.names), None, "1e.297 s apart; are the times in seconds"),
+    (lambda s: Series(s.t * 1e-299, s.values, s.names), None, "1e-301 s apart; are the times in seconds"),
+    (lambda s: s, -1.0, "must be positive"),
+    (lambda s: s, 1e12, "expected at most"),
+])  # fmt: skip
 def test_what_cannot_be_made_even_is_refused(spoil, rate, words):
     with pytest.raises(DataError, match=words):
         even_series(spoil(waves()), rate)

@@ -1,7 +1,5 @@
 """The estimate tells seconds from hours, what is too long is refused, and a run that gets nowhere ends."""
 
-from __future__ import annotations
-
 import re
 import time
 from pathlib import Path
@@ -11,11 +9,10 @@ import pytest
 from fault_cases import SHORT
 from terminal_cases import told
 
+from icmj import load_experiment, load_run, parse_run
 from icmj.case.case import Case, PlantKind, prepare, simulate
 from icmj.cli.main import main
 from icmj.errors import StudyError
-from icmj.runfile.experiment_tables import load_experiment
-from icmj.runfile.reading import load_run, parse_run
 from icmj.simulation.ending import MOST_EVENTS, WINDOW, EventPace
 from icmj.study.estimate import LONGEST, estimate, refuse_long, refuse_trials
 from icmj.study.experiment import conditions_of, kind_of
@@ -27,21 +24,20 @@ def case(root: Path, duration: float = 20.0, *more: str) -> Case:
     return prepare(parse_run(text.replace("growth_points = 2", "growth_points = 0")))
 
 
-def test_the_shipped_cases_are_quick(root: Path) -> None:
+def test_the_shipped_cases_and_experiments_are_quick(root: Path) -> None:
     for path in sorted((root / "runs").glob("*.toml")):
         found = prepare(load_run(path))
         assert max(estimate(found, plant, study=True) for plant in ("linear", "mujoco")) < LONGEST
+    for path in sorted((root / "experiments").glob("*.toml")):
+        refuse_trials(path, planned(path), 1, LONGEST)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("more", "duration", "plant"),
-    [
-        (("timestep = 1e-9",), 20.0, "mujoco"),
-        (("record_interval = 1e4",), 1e9, "mujoco"),
-        (("record_interval = 1e4",), 1e9, "linear"),
-    ],
-)
+@pytest.mark.parametrize(("more", "duration", "plant"), [
+    (("timestep = 1e-9",), 20.0, "mujoco"),
+    (("record_interval = 1e4",), 1e9, "mujoco"),
+    (("record_interval = 1e4",), 1e9, "linear"),
+])  # fmt: skip
 def test_hours_are_told_and_refused(root: Path, more: tuple[str, ...], duration: float, plant: str) -> None:
     """Half a day or longer: a processor ten times as fast tells the same."""
     found = case(root, duration, *more)
@@ -68,11 +64,6 @@ def test_the_steps_that_a_stiff_loop_takes_are_counted(root: Path, plant: str) -
         refuse_long(trial, plant, seconds[1e-12], LONGEST)  # type: ignore[arg-type]
 
 
-def test_the_shipped_experiments_are_quick(root: Path) -> None:
-    for path in sorted((root / "experiments").glob("*.toml")):
-        refuse_trials(path, planned(path), 1, LONGEST)
-
-
 STANDING = """
 [experiment]
 name = "standing"
@@ -86,36 +77,27 @@ run = "quiet-standing"
 """
 
 
-@pytest.mark.parametrize(
-    ("count", "duration", "rate", "words"),
-    [
-        (100_000, 3.0, 10.0, r"200000 trials, of up to 40 rows, would take about [0-9.]+ (min|hours|days);"),
-        (5, 18.0, 1e5, r"10 trials, of up to 1.9e\+06 rows, would take about (.* and )?[0-9.]+ GB of memory"),
-        (20_000, 60.0, 100.0, r"40000 trials, .* and 1[5-9] GB of memory;"),
-    ],
-)
-def test_trials_that_take_hours_or_memory_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], count: int, duration: float, rate: float, words: str
-) -> None:
+@pytest.mark.parametrize(("count", "duration", "rate", "words"), [
+    (100_000, 3.0, 10.0, r"200000 trials, of up to 40 rows, would take about [0-9.]+ (min|hours|days);"),
+    (5, 18.0, 1e5, r"10 trials, of up to 1.9e\+06 rows, would take about (.* and )?[0-9.]+ GB of memory"),
+    (20_000, 60.0, 100.0, r"40000 trials, .* and 1[5-9] GB of memory;"),
+])  # fmt: skip
+def test_trials_that_take_hours_or_memory_are_refused(tmp_path, shell, count, duration, rate, words) -> None:
     """All of them began at once."""
     file = tmp_path / "standing.toml"
     file.write_text(STANDING.format(count=count, duration=duration, rate=rate))
-    assert main(["experiment", str(file), "--out", str(tmp_path / "out"), "--jobs", "1"]) == 2
-    (line,) = told(capsys.readouterr().err)
+    (line,) = told(shell.refuses(["experiment", str(file), "--out", str(tmp_path / "out"), "--jobs", "1"]))
     assert re.search(words, line)
     assert "or start it with --yes" in line
     assert not (tmp_path / "out").exists()
 
 
-def test_stored_trials_take_no_more_time_and_yes_starts_any(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_stored_trials_take_no_more_time_and_yes_starts_any(tmp_path, monkeypatch, shell):
     file, out = tmp_path / "standing.toml", tmp_path / "out"
     file.write_text(STANDING.format(count=2, duration=3.0, rate=50.0))
     command = ["experiment", str(file), "--out", str(out), "--jobs", "1"]
     monkeypatch.setattr("icmj.study.estimate.LONGEST", 0.0)
-    assert main(command) == 2
-    assert "4 trials, of up to 200 rows, would take about" in capsys.readouterr().err
+    assert "4 trials, of up to 200 rows, would take about" in shell.refuses(command)
     assert main([*command, "--yes"]) == 0
     assert main(command) == 0
 
@@ -130,9 +112,8 @@ def planned(path: Path) -> list[tuple[Case, PlantKind, int]]:
 def test_rows_that_take_too_much_memory_are_told(root: Path) -> None:
     """Of a million rows of the three-link person a log took 2.3 GB to write."""
     found = case(root, 1.0, "record_interval = 5e-7")
-    with pytest.raises(
-        StudyError, match=r"would take about 2.1 GB of memory \(2e\+06 rows\); raise simulation.record_int"
-    ):
+    words = r"would take about 2.1 GB of memory \(2e\+06 rows\); raise simulation.record_interval"
+    with pytest.raises(StudyError, match=words):
         refuse_long(found, "linear", 1.0, LONGEST, study=True)
     refuse_long(found, "linear", 1.0, None, study=True)
     refuse_long(found, "linear", 1.0, LONGEST)  # without the same rows under continuous control
@@ -207,35 +188,28 @@ def test_pace_is_of_the_last_window() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_line_asks_for_yes(
-    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_line_asks_for_yes(root, tmp_path, monkeypatch, shell):
     monkeypatch.chdir(tmp_path)
     text = SHORT.format(name="slow", model=root / "models" / "pendulum.xml", duration=40, more="")
     (tmp_path / "slow.toml").write_text(text.replace("duration =", "timestep = 1e-9\nduration ="))
     for command in ("run", "study"):
-        assert main([command, "slow.toml", "--out", "out"]) == 2
-        (line,) = told(capsys.readouterr().err)
+        (line,) = told(shell.refuses([command, "slow.toml", "--out", "out"]))
         assert "slow (mujoco) would take about" in line
         assert "(4e+10 steps of 1e-09 s)" in line
         assert "--yes" in line
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("duration", "more", "words"),
-    [
-        (0.001, "delay = 0.1", "case.toml: the delay of 0.1 s is not shorter than the run of 0.001 s"),
-        (1e-15, "", "case.toml: simulation.duration: must be at least 1e-06, got 1e-15"),
-    ],
-)
+@pytest.mark.parametrize(("duration", "more", "words"), [
+    (0.001, "delay = 0.1", "case.toml: the delay of 0.1 s is not shorter than the run of 0.001 s"),
+    (1e-15, "", "case.toml: simulation.duration: must be at least 1e-06, got 1e-15"),
+])  # fmt: skip
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
 def test_a_run_that_cannot_start_is_refused_before_anything_is_written(
-    root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], duration: float, more: str, words: str, plant: str
+    root, tmp_path, shell, duration, more, words, plant
 ) -> None:
     text = SHORT.format(name="short", model=root / "models" / "pendulum.xml", duration=duration, more="")
     (tmp_path / "case.toml").write_text(text.replace("[actual]", f"[actual]\n{more}"), encoding="utf-8")
     command = ["run", str(tmp_path / "case.toml"), "--plant", plant, "--out", str(tmp_path / "out")]
-    assert main(command) == 2
-    assert words in capsys.readouterr().err
+    assert words in shell.refuses(command)
     assert not (tmp_path / "out").exists()

@@ -218,14 +218,8 @@ def test_what_is_found_and_left_in_the_folder(tmp_path, monkeypatch, toys) -> No
     foot = page.partition("<footer>")[2]
     assert "from recordings and simulated people" in foot
     assert not any(word in foot for word in ("Gawthrop", "logs", "PDF"))
-    for said in (
-        choice.CAVEAT,
-        posterior.PREDICTION_CAVEAT,
-        calibration.CALIBRATION_CAVEAT,
-        "76 %",
-        "48 of 60",
-        "42 %",
-    ):
+    caveats = (choice.CAVEAT, posterior.PREDICTION_CAVEAT, calibration.CALIBRATION_CAVEAT)
+    for said in (*caveats, "76 %", "48 of 60", "42 %"):
         assert said in page.replace("\u00a0", " ")
     results = pq.read_table(tmp_path / "out" / "results.parquet")
     assert results.num_rows == 2 * 2 * 3
@@ -239,9 +233,8 @@ def test_what_is_found_and_left_in_the_folder(tmp_path, monkeypatch, toys) -> No
 def test_as_many_calibrate_as_were_asked_for_although_some_fall(tmp_path, monkeypatch) -> None:
     def half_fall(family: Toy, n: int, seed: int, **_) -> Bank:
         theta, fell = family.prior.draw(n, seed), np.arange(n) % 2 == 0
-        return Bank(
-            family.name, family.prior, "", theta, np.where(fell[:, None, None], np.nan, theta[:, None]), fell, seed
-        )
+        S = np.where(fell[:, None, None], np.nan, theta[:, None])
+        return Bank(family.name, family.prior, "", theta, S, fell, seed)
 
     class Known:
         """A posterior that is the prior."""
@@ -313,23 +306,17 @@ def test_people_and_families_that_cannot_be_told_apart_are_refused(tmp_path) -> 
         fit([], [Toy("one", 1)], tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("names", "families", "line"),
-    [
-        (("a/b", "a b"), ("one",), r"'a/b, one' and 'a b, one' would share the files a-b\.one\.\*"),
-        (("Anna", "anna"), ("one",), "would share the files anna"),  # on macOS and Windows
-        (("anna",), ("a.b", "a b"), r"would share the files anna\.a-b"),
-        (("x" * 400,), ("one",), "too long for the name of a file; expected at most 150 bytes"),
-        (("ж" * 80,), ("one",), "too long for the name of a file"),
-    ],
-)
-def test_people_whose_files_would_have_one_name_or_none_are_refused_before_any_work(
-    names, families, line, tmp_path
-) -> None:
+@pytest.mark.parametrize(("names", "families", "line"), [
+    (("a/b", "a b"), ("one",), r"'a/b, one' and 'a b, one' would share the files a-b\.one\.\*"),
+    (("Anna", "anna"), ("one",), "would share the files anna"),  # on macOS and Windows
+    (("anna",), ("a.b", "a b"), r"would share the files anna\.a-b"),
+    (("x" * 400,), ("one",), "too long for the name of a file; expected at most 150 bytes"),
+    (("ж" * 80,), ("one",), "too long for the name of a file"),
+])  # fmt: skip
+def test_people_whose_files_would_have_one_name_or_none_are_refused_before_any_work(names, families, line, tmp_path):
     people = [person(name, (4e-3, 0.3, 0.5)) for name in names]
     with pytest.raises(FitError, match=line) as caught:
         fit(people, [Toy(name, 1) for name in families], tmp_path / "out", trained=tmp_path / "trained")
-    assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 300
     assert list(tmp_path.iterdir()) == []
 

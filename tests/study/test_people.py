@@ -74,9 +74,8 @@ def test_it_stands_like_young_people(case, people, plant, seeds):
             for values, (mean, deviation) in zip(np.transpose(measured), people.measures.values(), strict=True)
         ]
     )
-    assert dict(zip(people.measures, z.mean(axis=1), strict=True)) == pytest.approx(
-        dict.fromkeys(people.measures, 0), abs=1
-    )
+    means = dict(zip(people.measures, z.mean(axis=1), strict=True))
+    assert means == pytest.approx(dict.fromkeys(people.measures, 0), abs=1)
     assert (np.abs(z) <= 1).mean() > 0.75  # of single trials; of people's own it is some two thirds
     curves = [np.interp(people.frequency, point.frequency, point.ratio) for point in points]
     assert np.sqrt(np.mean((np.mean(curves, axis=0) - people.point) ** 2)) < 0.15

@@ -8,14 +8,9 @@ import numpy as np
 import pytest
 from kernel_cases import computed, kernels
 
-from icmj.case.case import prepare, simulate
-from icmj.case.comparison import compare
+from icmj import build_report, compare, load_run, parse_run, prepare, read_log, simulate, write_log
 from icmj.controller.controller import continuous_limit
 from icmj.errors import ModelError, RunFileError
-from icmj.log.reader import read_log
-from icmj.log.writer import write_log
-from icmj.report.builder import build_report
-from icmj.runfile.reading import load_run, parse_run
 from icmj.study.study import find_runs, run_case, run_study
 
 DELAYED = ("three-link-0.9-delay", "three-link-1.1-delay")
@@ -158,12 +153,8 @@ def test_summary_comes_from_the_logs(folder, summary):
 def test_progress_rises_to_its_end(root, tmp_path):
     without = ["simulation.duration=4", "study.growth_points=0", "study.attractor_starts=0", "study.law_q_t=[]"]
     told = []
-    outputs = run_study(
-        find_runs([root / "runs" / "simple-0.8.toml"], without),
-        tmp_path / "out",
-        jobs=1,
-        progress=lambda label, done: told.append(done),
-    )
+    runs = find_runs([root / "runs" / "simple-0.8.toml"], without)
+    outputs = run_study(runs, tmp_path / "out", jobs=1, progress=lambda label, done: told.append(done))
     assert told == sorted(told)
     assert told[-1] == 1.0
     assert [log.name for log in outputs.logs] == [f"simple-0.8.{plant}.rrd" for plant in ("linear", "mujoco")]
@@ -229,12 +220,8 @@ def test_an_interrupted_run_keeps_what_was_simulated(root, plant):
 
 
 ADDED = ("continuous", "growth", "law", "attractors")
-BRIEF = {
-    "simulation.duration": 12.0,
-    "study.law_q_t": [1e-2, 1e-3],
-    "study.growth_points": 2,
-    "study.attractor_starts": 2,
-}
+BRIEF = {"simulation.duration": 12.0, "study.law_q_t": [1e-2, 1e-3]}
+BRIEF |= {"study.growth_points": 2, "study.attractor_starts": 2}
 
 
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])

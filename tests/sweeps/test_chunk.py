@@ -1,7 +1,5 @@
 """What is asked for at a point is what its own functions give: exact cycles, attractors, statistics under noise."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pyarrow as pa
@@ -44,9 +42,8 @@ def test_attractors_are_those_of_the_search(tmp_path: Path) -> None:
 
 
 def test_under_noise_there_are_statistics_which_the_seed_changes(tmp_path: Path) -> None:
-    noise = (
-        "[[set.simulation.disturbance]]\nkind = 'noise'\ninput = 'hinge_torque'\nsize = 0.001\nbandwidth = 3\nseed = 1"
-    )
+    torque = "kind = 'noise'\ninput = 'hinge_torque'"
+    noise = f"[[set.simulation.disturbance]]\n{torque}\nsize = 0.001\nbandwidth = 3\nseed = 1"
     vary = '[[vary]]\nfield = "simulation.disturbance[0].seed"\nvalues = [1, 2, 1]\n'
     case = icmj.load_run("simple-0.8")
     torque = icmj.prepare(case).actual.linearisation.plant.inputs[0]

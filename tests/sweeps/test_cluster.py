@@ -1,7 +1,5 @@
 """The same bytes from a Dask cluster: a real scheduler and two worker processes, one of which is killed midway."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal
@@ -14,7 +12,7 @@ from pathlib import Path
 import pytest
 from fault_cases import start
 from patience import PATIENCE
-from sweep_cases import GRID, contents, sweep_file
+from sweep_cases import GRID, computed, contents, sweep_file
 from terminal_cases import told
 
 from icmj.errors import SweepError
@@ -30,12 +28,8 @@ def started(*words: str, until: str) -> tuple[subprocess.Popen[str], str]:
         "PYTHONPATH": os.pathsep.join(sys.path),
         "DASK_DISTRIBUTED__ADMIN__LOW_LEVEL_LOG_LENGTH": "0",
     }
-    process = subprocess.Popen(
-        [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]],
-        env=environment,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    command = [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]]
+    process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
     for line in process.stderr:
         if found := re.search(until, line):
@@ -47,23 +41,13 @@ def started(*words: str, until: str) -> tuple[subprocess.Popen[str], str]:
 def processes() -> Iterator[tuple[str, list[subprocess.Popen[str]]]]:
     running = []
     try:
-        process, address = started(
-            "scheduler",
-            "--host",
-            "127.0.0.1",
-            "--port",
-            "0",
-            "--no-dashboard",
-            "--no-show",
-            until=r"Scheduler at:\s+(\S+)",
-        )
+        here = ("--host", "127.0.0.1", "--no-dashboard")
+        ready = r"Scheduler at:\s+(\S+)"
+        process, address = started("scheduler", *here, "--port", "0", "--no-show", until=ready)
         running.append(process)
         for _ in range(2):
-            worker, _ = started(
-                "worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1",
-                until=r"(Registered to)",
-            )  # fmt: skip
-            running.append(worker)
+            alone = ("--nthreads", "1", "--no-nanny")
+            running.append(started("worker", address, *here, *alone, until=r"(Registered to)")[0])
         yield address, running
     finally:
         for process in reversed(running):
@@ -79,9 +63,7 @@ def cluster(processes: tuple[str, list[subprocess.Popen[str]]]) -> tuple[str, li
 
 
 @pytest.mark.slow
-def test_a_scheduler_killed_midway_is_one_line(
-    tmp_path: Path, processes: tuple[str, list[subprocess.Popen[str]]]
-) -> None:
+def test_a_scheduler_killed_midway_is_one_line(tmp_path, processes):
     """It ended in tracebacks of libraries, and "cannot be written to: None"."""
     address, (scheduler, *_) = processes
     file, out = sweep_file(tmp_path, GRID.format(count=4000), chunk=2), tmp_path / "out"
@@ -139,9 +121,7 @@ def test_a_worker_killed_midway_loses_nothing(tmp_path: Path, cluster: tuple[str
     assert workers[0].returncode == -signal.SIGKILL
     assert workers[1].poll() is None
     assert [progress.done for progress in seen] == list(range(2, 122, 2))
-    assert contents(tmp_path / "out") == {
-        f"{i:08d}.parquet": compute(plan, plan.range(i)).content for i in range(plan.chunks)
-    }
+    assert contents(tmp_path / "out") == computed(plan)
 
 
 def test_no_scheduler_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

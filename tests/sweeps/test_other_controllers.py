@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.case.case import prepare, simulate
-from icmj.cli.main import main
+from icmj import load_run, prepare, simulate
 from icmj.errors import RunFileError
 from icmj.experiments.attraction import rounds_of
 from icmj.report.maps import pictures
-from icmj.runfile.reading import load_run
 from icmj.runfile.sweep_tables import load_sweep
 
 SWEEP = """
@@ -46,9 +44,8 @@ def test_each_row_has_the_root_that_is_known_and_what_the_run_does(swept):
     assert (printed["root_real"], printed["root_imag"]) == pytest.approx((0.126600, 0.683274), abs=1e-6)
     assert all(row["root_real"] > 0 for row in rows if row["P"] < 117)  # below (1 − 0.8) mgh
     for row in (printed, rows[-1]):
-        run = load_run("one-link-switching").with_(
-            **{"controller.P": row["P"], "controller.D": row["D"], "simulation.duration": 30.0}
-        )
+        gains = {f"controller.{name}": row[name] for name in "PD"}
+        run = load_run("one-link-switching").with_(**gains, **{"simulation.duration": 30.0})
         alone = simulate(prepare(run), "linear")
         late = alone.y[alone.t >= alone.t[-1] / 2]
         assert row["linear_outcome"] == alone.outcome.kind
@@ -56,9 +53,8 @@ def test_each_row_has_the_root_that_is_known_and_what_the_run_does(swept):
         assert row["linear_peak_lean"] == np.abs(late[:, 0]).max()
         assert row["linear_rms_lean"] == pytest.approx(late[:, 0].std(), rel=1e-12)
         found = rounds_of(alone)
-        assert [row["linear_growth"], row["linear_factor"] or np.nan] == pytest.approx(
-            [found.growth, found.factor], nan_ok=True
-        )
+        told = [row["linear_growth"], row["linear_factor"] or np.nan]
+        assert told == pytest.approx([found.growth, found.factor], nan_ok=True)
 
 
 def test_the_report_draws_the_size_of_the_sway(swept, tmp_path):
@@ -79,14 +75,10 @@ def test_what_only_intermittent_control_has_is_refused(tmp_path):
         load_sweep(path)
 
 
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("one-link-delayed-pd", "-1.28323 ± 5.20022j, -2.05914"),  # printed gains of Asai (2009)
-        ("one-link-switching", "1.36778, -1.43444"),  # the saddle without feedback
-        ("one-link-switching", "0.73140938: stands"),
-    ],
-)
-def test_analyse_tells_the_roots_of_each_mode(name, said, capsys):
-    assert main(["analyse", name]) == 0
-    assert said in " ".join(capsys.readouterr().out.split())
+@pytest.mark.parametrize(("name", "said"), [
+    ("one-link-delayed-pd", "-1.28323 ± 5.20022j, -2.05914"),  # printed gains of Asai (2009)
+    ("one-link-switching", "1.36778, -1.43444"),  # the saddle without feedback
+    ("one-link-switching", "0.73140938: stands"),
+])  # fmt: skip
+def test_analyse_tells_the_roots_of_each_mode(name, said, shell):
+    assert said in " ".join(shell.says(["analyse", name]).split())

@@ -1,7 +1,5 @@
 """Sweeps of a case whose code is the user's own: run if asked, by every process from the same source."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Points are a pure function of their index: any block of them is a piece of the whole, and samples fill."""
 
-from __future__ import annotations
-
 from itertools import pairwise, product
 from pathlib import Path
 

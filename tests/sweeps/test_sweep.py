@@ -1,7 +1,5 @@
 """A sweep's rows are the same bit for bit, whoever computes them, however often it is killed; what fails is a row."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal
@@ -15,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from patience import PATIENCE
-from sweep_cases import GRID, THRESHOLDS, contents, sweep_file
+from sweep_cases import GRID, THRESHOLDS, computed, contents, sweep_file
 
 import icmj
 from icmj.case.result import SweepTable
@@ -25,7 +23,6 @@ from icmj.runfile.sweep_tables import load_sweep
 from icmj.study.chunk import ChunkResult, compute
 from icmj.study.plan import Plan
 from icmj.study.sweep import carry_out, make_plan, read_table, resume_sweep, try_plan
-from icmj.work.folder import Folder
 
 KILLS = 20
 
@@ -40,10 +37,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_one_process_gives_the_bytes_that_two_give(swept: Path) -> None:
-    plan = make_plan(swept / "sweep.toml")
-    assert {f"{i:08d}.parquet": compute(plan, plan.range(i)).content for i in range(plan.chunks)} == contents(
-        swept / "two"
-    )
+    assert computed(make_plan(swept / "sweep.toml")) == contents(swept / "two")
 
 
 def test_rows_are_what_a_case_alone_gives(swept: Path) -> None:
@@ -70,19 +64,12 @@ def test_other_readers_open_the_dataset(swept: Path) -> None:
 
     found = ds.dataset(swept / "two" / "points")
     assert found.count_rows() == 10
-    assert found.to_table(columns=["b"], filter=ds.field("q_t") < 0.005)["b"].to_pylist() == pytest.approx(
-        list(np.linspace(0.7, 1.3, 5))
-    )
+    some = found.to_table(columns=["b"], filter=ds.field("q_t") < 0.005)["b"].to_pylist()
+    assert some == pytest.approx(list(np.linspace(0.7, 1.3, 5)))
     metadata = found.schema.metadata
     assert metadata[b"icmj.sweep"].decode() == (swept / "sweep.toml").read_text()
     assert b"mujoco" in metadata[b"icmj.versions"]
     assert metadata[b"icmj.run"].startswith(b"# The second-order system of the paper")
-
-
-def test_a_finished_sweep_computes_nothing_again(swept: Path) -> None:
-    before = {path: path.stat().st_mtime_ns for path in (swept / "two" / "points").iterdir()}
-    assert carry_out(make_plan(swept / "sweep.toml"), swept / "two", jobs=1).done == 10
-    assert {path: path.stat().st_mtime_ns for path in (swept / "two" / "points").iterdir()} == before
 
 
 def test_a_point_that_fails_or_falls_is_a_row(tmp_path: Path) -> None:
@@ -116,9 +103,7 @@ class _Crew:
 
 
 @pytest.mark.slow
-def test_a_point_that_takes_its_process_with_it_is_a_row_and_its_neighbours_are_as_ever(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_point_that_takes_its_process_with_it_is_a_row_and_its_neighbours_are_as_ever(tmp_path, monkeypatch):
     from contextlib import nullcontext
 
     from icmj.study import sweep
@@ -145,11 +130,6 @@ def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
         dataset.write(0, compute(one, range(2)))
     with pytest.raises(SweepError, match="holds another sweep"):
         carry_out(two, tmp_path / "out", jobs=1)
-    facts = tmp_path / "out" / "sweep.json"
-    with Folder(facts.parent, SweepError).seal(facts) as part:
-        part.write_text(facts.read_text().replace('"numpy": "', '"numpy": "0.'))
-    with pytest.raises(SweepError, match=r"begun with numpy 0\."):
-        carry_out(one, tmp_path / "out", jobs=1)
     assert len(contents(tmp_path / "out")) == 1
     # a folder that is not the sweep's, and one that cannot be written to
     (tmp_path / "file").write_text("")
@@ -176,7 +156,7 @@ def test_a_disk_that_is_full_leaves_what_is_finished(tmp_path: Path, monkeypatch
 def test_killed_twenty_times_the_rows_are_the_same(tmp_path: Path, pytestconfig: pytest.Config) -> None:
     file = sweep_file(tmp_path, GRID.format(count=160), chunk=1)
     plan = make_plan(file)
-    whole = {f"{i:08d}.parquet": compute(plan, plan.range(i)).content for i in range(plan.chunks)}
+    whole = computed(plan)
     seed = pytestconfig.getoption("--seed") or random.randrange(10**6)
     dice, out = random.Random(seed), tmp_path / "out"
     print(f"seed {seed}")
@@ -211,17 +191,14 @@ def test_died_and_computed_have_the_same_columns(tmp_path: Path) -> None:
     from icmj.study.chunk import report_death
 
     plan = make_plan(sweep_file(tmp_path, GRID.format(count=2)))
-    computed: ChunkResult = compute(plan, range(2))
-    assert report_death(plan, 1, "signal 9").schema == pq.read_table(pa.BufferReader(computed.content)).schema
+    rows = pq.read_table(pa.BufferReader(compute(plan, range(2)).content))
+    assert report_death(plan, 1, "signal 9").schema == rows.schema
 
 
-@pytest.mark.parametrize(
-    ("name", "units"),
-    [
-        ("basins", {"angle": "rad", "rate": "rad/s"}),
-        ("validity", {"q_t": "rad", "shank": "rad", "thigh": "rad", "trunk": "rad"}),
-    ],
-)
+@pytest.mark.parametrize(("name", "units"), [
+    ("basins", {"angle": "rad", "rate": "rad/s"}),
+    ("validity", {"q_t": "rad", "shank": "rad", "thigh": "rad", "trunk": "rad"}),
+])  # fmt: skip
 def test_axes_of_maps_have_the_units_of_what_varies(name: str, units: dict[str, str]) -> None:
     """Axes were called angle and rate, without a unit."""
     plan = try_plan(Plan.of(load_sweep(name)))

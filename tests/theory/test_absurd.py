@@ -1,19 +1,13 @@
 """Systems out of all proportion end soon, with a result or with an error that says what is wrong; nothing else."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from theory_cases import NAMES, neglected, pendulum, pendulum_design, shipped
 
-from icmj.controller.design import Design
-from icmj.controller.trigger import EventTrigger
+from icmj import Design, EventTrigger, LinearPlant, error_system, predict
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
 from icmj.theory import crossings as search_module
 from icmj.theory.crossings import search
-from icmj.theory.error_system import error_system
-from icmj.theory.prediction import predict
 
 
 def damped(rate):

@@ -13,12 +13,9 @@ def test_coefficients_of_a_chebyshev_polynomial_are_a_unit_vector(degree):
         np.testing.assert_allclose(coefficients(degree) @ values, np.eye(degree + 1)[k], atol=1e-13)
 
 
-def test_zeros_of_a_chebyshev_polynomial_are_its_cosines():
+def test_zeros_of_a_chebyshev_polynomial_are_its_cosines_and_rounding_adds_none():
     found = np.sort(roots(np.eye(13)[12]).real)
     np.testing.assert_allclose(found, np.sort(np.cos((np.arange(12) + 0.5) * np.pi / 12)), atol=1e-14)
-
-
-def test_coefficients_below_rounding_add_no_zeros():
     np.testing.assert_allclose(roots(np.array([-0.5, 1.0, 1e-18, 1e-20])), [0.5])
 
 

@@ -1,14 +1,10 @@
 """What depends on the coordinates and what does not: only γ and x̄ do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from theory_cases import neglected, pendulum, pendulum_design, random_systems, three_link, three_link_design
 
-from icmj.controller.trigger import EventTrigger
-from icmj.theory.error_system import error_system
-from icmj.theory.prediction import predict
+from icmj import EventTrigger, error_system, predict
 
 CASES = {
     "b=0.8": (pendulum(0.8), pendulum_design()),
@@ -57,9 +53,8 @@ def test_the_same_for_random_plants():
         expected = predict(system, rule, delta_max=1.5)
         if expected.verdict not in ("attracting", "repelling") or np.abs(expected.multipliers).max() > 50:
             continue
-        other = error_system(
-            system.actual, system.design, T_hat=system.T_hat + 0.1 * rng.normal(size=system.T_hat.shape)
-        )
+        change = rng.normal(size=system.T_hat.shape)
+        other = error_system(system.actual, system.design, T_hat=system.T_hat + 0.1 * change)
         assert_same(predict(other, rule, delta_max=1.5), expected, system, other)
         compared += 1
     assert compared >= 10

@@ -1,14 +1,11 @@
 """Characteristic roots of delayed feedback: printed numbers, closed forms, and a count that does not know them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.special import lambertw
 
-from icmj.controller.delayed import SwitchingPD
+from icmj import LinearPlant, SwitchingPD
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.delay_roots import DelayLoop, delay_loop, rightmost_roots, stability_limit
 
 MASS, LENGTH, GRAVITY, DELAY = 60.0, 1.0, 9.81, 0.2
@@ -39,18 +36,10 @@ def test_the_printed_intermittent_gains_held_on_are_unstable() -> None:
     np.testing.assert_allclose(found, [0.1266 + 0.683274j, 0.1266 - 0.683274j], atol=5e-5)
 
 
-@pytest.mark.parametrize(
-    ("D", "limit", "frequency"),
-    [
-        (50, 0.444487, 1.612284),
-        (100, 0.803373, 2.660691),
-        (150, 1.102807, 3.444279),
-        (200, 1.333084, 4.124364),
-        (250, 1.481136, 4.754237),
-        (270, 1.513461, 4.998884),
-        (300, 1.528569, 5.362550),
-    ],
-)
+@pytest.mark.parametrize(("D", "limit", "frequency"), [
+    (50, 0.444487, 1.612284), (100, 0.803373, 2.660691), (150, 1.102807, 3.444279), (200, 1.333084, 4.124364),
+    (250, 1.481136, 4.754237), (270, 1.513461, 4.998884), (300, 1.528569, 5.362550),
+])  # fmt: skip
 def test_limits_of_stability(D: float, limit: float, frequency: float) -> None:
     P, omega = stability_limit(lambda P: loop(P, D), 0.3, 2.0)
     assert pytest.approx(limit, abs=1e-6) == P

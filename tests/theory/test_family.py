@@ -1,30 +1,14 @@
 """Repeated eigenvalues: systems put side by side with themselves, their states mixed, against one of them alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
-from theory_cases import (
-    INTEGRATOR,
-    dip,
-    pair_of_holds,
-    pendulum,
-    pendulum_design,
-    random_systems,
-    shipped,
-    system_beside,
-)
+from theory_cases import dip, pair_of_holds, pendulum, pendulum_design, random_systems, shipped, step, system_beside
 
-from icmj.controller.controller import Controller
-from icmj.controller.design import Design, system_matched
-from icmj.controller.trigger import EventTrigger
+from icmj import Controller, Design, EventTrigger, LinearPlant, Settings, predict, system_matched
 from icmj.linear.run import simulate
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
 from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.prediction import predict
 from icmj.theory.reduction import mixtures, modulo
 
 
@@ -46,11 +30,6 @@ def side_by_side(systems: list[ErrorSystem], rng=None) -> ErrorSystem:
     k, L = block_diag(*(s.design.k for s in systems)), block_diag(*(s.design.L for s in systems))
     design = Design(joined(assumed, R, U, Y), U.T @ k @ R, R.T @ L @ Y.T)
     return error_system(joined(actual, S, U, Y), design, T_hat=R.T @ block_diag(*(s.T_hat for s in systems)) @ S)
-
-
-def step(crossing) -> int:
-    size = 2 if crossing.kind == "complex" else 1
-    return crossing.multiplicity * size * {"rising": 1, "falling": -1, "tangent": 0}[crossing.direction]
 
 
 def assert_multiplied(whole: ErrorSystem, alone: ErrorSystem, k: int, end: float) -> int:
@@ -188,7 +167,7 @@ def test_two_pendulums_settle_on_the_predicted_interval_whatever_the_ratio_of_th
 
 
 def test_a_family_beside_a_neutral_mode():
-    alone = system_beside(INTEGRATOR, driven=[[0, 1]])
+    alone = system_beside([[0.0]], driven=[[0, 1]])
     p = predict(side_by_side([alone, alone]), EventTrigger(np.diag([1.0, 1, 0, 1, 1, 0]), 0.01))
     assert (p.cycle, p.verdict, p.family.dimension) == (True, "attracting", 2)
     assert sum(len(mode.rates) for mode in p.neutral) == 4

@@ -1,15 +1,12 @@
 """Branches of the eigenvalue locus: right values, no swapping, largest magnitude."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import expm
 from theory_cases import SHIPPED, random_systems, shipped
 
-from icmj.controller.design import design_lq
+from icmj import LinearPlant, design_lq
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.error_system import error_system, flow, follow, locus
 
 
@@ -96,9 +93,7 @@ def test_trajectories_agree_with_the_exponential():
     t, states = flow(system.A_C).trajectory(X, 0.76, 100)
     assert len(t) == 129
     for i in (0, 1, 50, 128):
-        np.testing.assert_allclose(
-            states[i], expm(system.A_C * t[i]) @ X, rtol=1e-10, atol=1e-10 * np.abs(states).max()
-        )
+        np.testing.assert_allclose(states[i], expm(system.A_C * t[i]) @ X, rtol=1e-10, atol=1e-10 * abs(states).max())
 
 
 def test_an_empty_range_is_refused():

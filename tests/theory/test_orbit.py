@@ -1,7 +1,5 @@
 """The orbit against an ODE integrator in original coordinates, and its admissibility against built obstacles."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -167,9 +165,8 @@ def test_an_event_function_that_touches_zero_between_samples_is_an_earlier_event
 
     def excess(angle):
         w = np.array([np.cos(angle), np.sin(angle)])
-        hump = minimize_scalar(
-            lambda tau: -ratio(tau, w), bounds=(0.3 * delta, 0.8 * delta), method="bounded", options={"xatol": 1e-10}
-        )
+        how = {"bounds": (0.3 * delta, 0.8 * delta), "method": "bounded", "options": {"xatol": 1e-10}}
+        hump = minimize_scalar(lambda tau: -ratio(tau, w), **how)
         return -hump.fun - 1
 
     touch = brentq(excess, low, high, xtol=1e-15)
@@ -194,17 +191,13 @@ def test_a_weight_of_the_wrong_size_is_refused():
         orbit(shipped("b=0.8"), EventTrigger(np.eye(3), 0.01), 1.8, 1)
 
 
-def test_maxima_find_a_bump_narrower_than_any_grid():
-    # −((s − 0.3)² + 1e-12)(1 + s): touches almost zero at 0.3
+def test_maxima_find_a_bump_narrower_than_any_grid_and_agree_with_roots_of_the_derivative():
     square = np.array([0.09 + 1e-12, -0.6, 1.0])
     p = -np.polynomial.polynomial.polymul(square, [1.0, 1.0])
     found = maxima(np.stack([p, p - 1], axis=1)[:, :, None])
     assert found.value[0] == pytest.approx(-1.3e-12, abs=1e-14)
     assert found.cell[0] == 0
     assert found.s[0] == pytest.approx(0.3, abs=1e-5)
-
-
-def test_maxima_agree_with_roots_of_the_derivative():
     rng = np.random.default_rng(5)
     for _ in range(200):
         p = rng.normal(size=12)

@@ -1,26 +1,23 @@
 """The prediction of every shipped case, Δ_crit's definition, and eigenstructures that have no usable inverse."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from theory_cases import SHIPPED, neglected, pendulum_design, shipped
 
-from icmj.controller.design import zero_order
-from icmj.controller.trigger import EventTrigger, output_weight
+from icmj import EventTrigger, output_weight, zero_order
 from icmj.errors import AnalysisError
 from icmj.theory.circle import Crossing
 from icmj.theory.error_system import error_system, locus
 from icmj.theory.prediction import ILL_CONDITIONED, critical_crossing, eigenstructure, predict
 
-PUBLISHED = {
-    "b=0.8": (1.807, 1, True, "attracting"),
-    "b=1.2": (1.528, -1, True, "attracting"),
-    "b=1.7": (1.112, -1, False, "repelling"),
-    "b=0.9 three-link": (0.7594, 1, True, "attracting"),
-    "b=1.1 three-link": (0.7351, -1, True, "attracting"),
-    "zeta=0.1": (3.593, 1, True, "attracting"),
-    "zeta=0.5": (2.169, 1, True, "attracting"),
+PUBLISHED = {  # Δ_crit, its eigenvalue, the largest other one, whether there is a cycle, and its stability
+    "b=0.8": (1.807, 1, 0.268, True, "attracting"),
+    "b=1.2": (1.528, -1, 0.221, True, "attracting"),
+    "b=1.7": (1.112, -1, 1.20, False, "repelling"),
+    "b=0.9 three-link": (0.7594, 1, 0.438, True, "attracting"),
+    "b=1.1 three-link": (0.7351, -1, 0.531, True, "attracting"),
+    "zeta=0.1": (3.593, 1, 0.0238, True, "attracting"),
+    "zeta=0.5": (2.169, 1, 0.144, True, "attracting"),
 }
 
 
@@ -31,10 +28,14 @@ def prediction(case, q_t=0.01):
 
 @pytest.mark.parametrize("case", PUBLISHED)
 def test_published_cases(case):
-    delta, eigenvalue, cycle, verdict = PUBLISHED[case]
+    delta, eigenvalue, largest_other, cycle, verdict = PUBLISHED[case]
     p = prediction(case)
     assert p.delta_crit == pytest.approx(delta, abs=6e-4 if delta > 1 else 6e-5)
     assert p.eigenvalue == eigenvalue
+    (critical,) = (crossing for crossing in p.crossings if crossing.delta == p.delta_crit)
+    assert critical.direction == ("falling" if case == "b=1.7" else "rising")
+    assert critical.largest_other == pytest.approx(largest_other, abs=5e-3 if case == "b=1.7" else 6e-4)
+    assert critical == p.crossings[0] or case == "b=1.7"  # where a complex pair comes first
     assert p.cycle is cycle
     assert p.verdict == verdict
     expected = (p.delta_crit if eigenvalue == 1 else 2 * p.delta_crit) if cycle else None
@@ -123,9 +124,8 @@ def test_a_well_conditioned_phi_is_diagonalised():
     phi = S @ np.diag([0.5, -1, 0.2, -0.7]) @ np.linalg.inv(S)
     found = eigenstructure(phi, -1)
     assert found.diagonal
-    np.testing.assert_allclose(
-        found.V_inv @ phi @ np.linalg.inv(found.V_inv), np.diag([-1, -0.7, 0.5, 0.2]), atol=1e-12
-    )
+    W = found.V_inv
+    np.testing.assert_allclose(W @ phi @ np.linalg.inv(W), np.diag([-1, -0.7, 0.5, 0.2]), atol=1e-12)
 
 
 def test_a_defective_critical_eigenvalue_has_no_chi():
@@ -160,6 +160,7 @@ def test_the_threshold_scales_the_orbit_and_nothing_else(case):
     assert small.verdict == large.verdict
     if small.gamma is not None:
         assert large.gamma == pytest.approx(1e4 * small.gamma, rel=1e-9)
+        np.testing.assert_allclose(small.multipliers, large.multipliers, atol=1e-9)
 
 
 def test_bad_arguments_are_refused():

@@ -1,7 +1,5 @@
 """Roots, responses and variance of the continuous predictor controller, by other ways to the same numbers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import linear_cases
@@ -9,8 +7,7 @@ import numpy as np
 import pytest
 from linear_cases import pendulum_design
 
-from icmj.controller.delayed import PredictorController
-from icmj.controller.design import Delay
+from icmj import Delay, PredictorController
 from icmj.controller.setpoint import Target, setpoint, step
 from icmj.errors import AnalysisError
 from icmj.theory.delay_roots import DelayLoop, delay_loop, predictor_covariance, predictor_loop, rightmost_roots

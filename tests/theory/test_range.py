@@ -1,14 +1,11 @@
 """What is said of Δ beyond the range searched: it is a range, and a quick look further tells whether to enlarge it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from theory_cases import random_systems, shipped
 
-from icmj.controller.trigger import EventTrigger
+from icmj import EventTrigger, predict
 from icmj.theory.crossings import search
-from icmj.theory.prediction import predict
 
 
 def prediction(case, end):

@@ -1,20 +1,17 @@
 """The predicted orbit laid on runs: on a run that is on it the two are the same, in any phase and with either sign."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from report_cases import result
 
+from icmj import Settings, error_system
 from icmj.case.result import Result, event_rows, lay_orbit, output_rate, reduce_state
 from icmj.linear.run import simulate
 from icmj.log.writer import groups
 from icmj.report.panels import PANELS
 from icmj.report.wording import pair
-from icmj.simulation.settings import Settings
-from icmj.theory.error_system import error_system
 
 CYCLES = ["b0.8", "b1.2", "three-link", "neglected"]  # b1.2 is mirrored; neglected has n = 4, n̂ = 2
 
@@ -129,17 +126,11 @@ def test_without_events_it_is_laid_on_the_start_which_is_one(sign: int) -> None:
     np.testing.assert_allclose(laid.at(run.t, laid.orbit.y), run.y, atol=1e-7 * np.abs(run.y).max())
 
 
-def test_a_state_that_is_not_a_number_has_a_sign_all_the_same() -> None:
-    laid = lay_orbit(off_the_cycle(np.nan, 1))
-    assert laid.side == 1
-    assert np.isfinite(laid.at(np.linspace(0, 5, 7), laid.orbit.y)).all()
-
-
-def test_without_an_orbit_there_is_nothing_to_lay() -> None:
+def test_an_orbit_without_a_predicted_cycle_or_on_a_state_that_is_not_a_number_is_laid_too() -> None:
     assert lay_orbit(result("exact")) is None
-
-
-def test_an_orbit_without_a_predicted_cycle_is_laid_too() -> None:
     found = result("b1.7")
     assert not found.prediction.cycle
     assert lay_orbit(found).orbit is found.prediction.orbit
+    laid = lay_orbit(off_the_cycle(np.nan, 1))
+    assert laid.side == 1
+    assert np.isfinite(laid.at(np.linspace(0, 5, 7), laid.orbit.y)).all()

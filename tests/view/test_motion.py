@@ -1,7 +1,5 @@
 """Rates, x̄ and its modes, against the closed loop that they describe."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -34,9 +32,8 @@ def test_a_curve_goes_through_the_rows_and_is_what_denser_rows_show(gain: float)
     found = result("three-link")
     actual = replace(found.actual, C=found.actual.C + gain * np.eye(3, 6, 3))
     settings = replace(found.run.simulation.settings(), duration=6.0, record_interval=0.005)
-    coarse, fine = (
-        simulate(found.actual, found.controller, replace(settings, record_interval=each)) for each in (0.005, 2.5e-4)
-    )
+    ways = (replace(settings, record_interval=each) for each in (0.005, 2.5e-4))
+    coarse, fine = (simulate(found.actual, found.controller, how) for how in ways)
     there = [replace(found, actual=actual, simulation=replace(run, y=run.x @ actual.C.T)) for run in (coarse, fine)]
     start, end = (float(t) for t in coarse.events.t[-3:-1])
     y, v = curve(there[0], start, end)

@@ -1,7 +1,5 @@
 """Angles are shown in degrees, everything else in its own unit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -24,13 +22,10 @@ def test_only_angles_are_turned_into_degrees(unit: str, shown: str, value: float
     assert np.pi * quantity.factor == pytest.approx(value, rel=1e-15)
 
 
-def test_a_rate_is_per_second_and_what_is_not_known_has_no_unit() -> None:
+def test_a_rate_is_per_second_what_is_not_known_has_no_unit_and_several_share_one_or_say_so() -> None:
     angle, way = quantities(plant("rad", "m"))
     assert (angle.label("v", "/s"), way.label("v", "/s")) == ("v (deg/s)", "v (m/s)")
     assert [(q.factor, q.label("v", "/s")) for q in quantities(plant())] == [(1.0, "v")] * 2
-
-
-def test_several_share_a_unit_or_say_that_they_do_not() -> None:
     for units, words in ((("m", "m"), "y (m)"), (("m", "rad"), "y (each in its own unit)"), ((), "y"), (("", ""), "y")):
         assert in_unit("y", shared_unit(units)) == words
 

@@ -1,7 +1,5 @@
 """Time as pictures need it: rows at events, the latter part, the sawtooth of the interval, upright resets."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,17 +1,15 @@
 """Digests beside files: what was written is believed, anything else is not, whenever the writer died."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
 import subprocess
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from sweep_cases import GRID, sweep_file
+from tampering import EXPERIMENT
 
 import icmj
 from icmj.errors import DataError, IcmjError
@@ -62,9 +60,7 @@ def test_a_file_that_has_the_name_of_another_is_not_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("last", ["rename", "line"])
-def test_whoever_dies_in_between_leaves_a_file_that_is_new_or_as_before(
-    last: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_whoever_dies_in_between_leaves_a_file_that_is_new_or_as_before(last, tmp_path, monkeypatch):
     path = tmp_path / "a"
     sealed(path, b"before")
 
@@ -132,23 +128,8 @@ def test_whatever_a_reader_raises_is_one_line_that_says_what_to_do(tmp_path: Pat
 
     with pytest.raises(DataError) as caught:
         Folder(tmp_path, DataError, "simulated").read(tmp_path / "a", 10, fail)
-    assert str(caught.value) == (
-        f"{tmp_path / 'a'}: cannot be read (b'one' of two lines); remove it, and it is simulated again"
-    )
-
-
-EXPERIMENT = """
-[experiment]
-name = "short"
-plants = ["linear"]
-repetitions = 1
-[intersection_point]
-duration = 4.0
-settle = 1.0
-[[case]]
-run = "quiet-standing"
-name = "own"
-"""
+    said = "cannot be read (b'one' of two lines); remove it, and it is simulated again"
+    assert str(caught.value) == f"{tmp_path / 'a'}: {said}"
 
 
 def _sweep(place: Path) -> None:
@@ -164,13 +145,10 @@ def _bank(place: Path) -> None:
     simulate_bank(load_family("delayed-pd"), 2, trials=1, duration=30.0, jobs=1, folder=place / "out")
 
 
-@pytest.mark.parametrize(
-    ("run", "what", "parts"),
-    [(_sweep, "sweep", "points"), (_experiment, "experiment", "trials"), (_bank, "bank", "draws")],
-)
-def test_sweeps_experiments_and_banks_are_taken_up_again_in_the_one_way(
-    run: Callable[[Path], None], what: str, parts: str, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize(("run", "what", "parts"), [
+    (_sweep, "sweep", "points"), (_experiment, "experiment", "trials"), (_bank, "bank", "draws")
+])  # fmt: skip
+def test_sweeps_experiments_and_banks_are_taken_up_again_in_the_one_way(run, what, parts, tmp_path):
     run(tmp_path)
     out, spare = tmp_path / "out", tmp_path / "spare"
     written = {path: path.stat().st_mtime_ns for path in (out / parts).iterdir()}
@@ -180,9 +158,8 @@ def test_sweeps_experiments_and_banks_are_taken_up_again_in_the_one_way(
     shutil.copytree(out, spare)
 
     def refused(words: str) -> None:
-        with pytest.raises(IcmjError, match=words) as caught:
+        with pytest.raises(IcmjError, match=words):
             run(tmp_path)
-        assert "\n" not in str(caught.value)
         shutil.rmtree(out)
         shutil.copytree(spare, out)
 
@@ -202,3 +179,4 @@ def test_sweeps_experiments_and_banks_are_taken_up_again_in_the_one_way(
     (out / parts).symlink_to(spare / parts)
     with pytest.raises(IcmjError, match="is a link, not a folder; choose another"):
         run(tmp_path)
+    assert {path.name for path in (spare / parts).iterdir()} == {path.name for path in written}

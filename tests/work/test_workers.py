@@ -1,7 +1,5 @@
 """Processes that do tasks: their values, progress and errors come back, and their death is one line."""
 
-from __future__ import annotations
-
 import builtins
 import io
 import os
@@ -100,9 +98,8 @@ def test_a_script_without_a_guard_is_not_run_again_and_its_own_functions_reach_t
         "print(sorted(one.value for one in news))\n"
     )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    done = subprocess.run(
-        [sys.executable, script], capture_output=True, text=True, env=environment, timeout=PATIENCE, cwd=tmp_path
-    )
+    how = {"capture_output": True, "text": True, "timeout": PATIENCE}
+    done = subprocess.run([sys.executable, script], **how, env=environment, cwd=tmp_path)
     assert done.stdout == "begun\n[-1, 1, 3, 5]\n", done.stderr
     assert done.stderr == ""
 
