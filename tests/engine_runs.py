@@ -3,8 +3,6 @@
 ``python engine_runs.py OUT.npz`` does them all and writes what they recorded, as ``name/quantity``.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from collections.abc import Callable

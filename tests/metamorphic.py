@@ -3,8 +3,6 @@
 ``--seed 7 --runs 1 --rule order`` carries one out again.
 """
 
-from __future__ import annotations
-
 import argparse
 import random
 import sys

@@ -1,18 +1,15 @@
 """Error estimates by step doubling, and the timestep that follows from them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from engine_cases import controller, plant
 
-from icmj.controller.trigger import ClockTrigger, Continuous
+from icmj import ClockTrigger, Continuous, Settings
 from icmj.engine.closed_loop import ComposedLoop, Record, close_loop
 from icmj.engine.run import Accuracy, choose_timestep, estimate, order_of, simulate
 from icmj.errors import SimulationError
-from icmj.simulation.settings import Settings
 
 X = 0.01 * np.ones(6)
 

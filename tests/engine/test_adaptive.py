@@ -1,7 +1,5 @@
 """Steps adapted to a tolerance: against SciPy's DOP853 on ``mj_forward``."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Each way in which a model is not what a linear theory takes it for is seen, and said in words that name it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from model_cases import MOTOR, MUSCLE, SERVO, pendulum, two, written

@@ -1,7 +1,5 @@
 """Models that other people made: linearised as MuJoCo itself does it, balanced, and run or refused for a reason."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

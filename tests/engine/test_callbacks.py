@@ -1,7 +1,5 @@
 """Installing the engine's callbacks: always restored, nested, shared between threads."""
 
-from __future__ import annotations
-
 import threading
 
 import mujoco

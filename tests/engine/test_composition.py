@@ -1,7 +1,5 @@
 """The composed model: an ordinary MuJoCo model that is the closed loop."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

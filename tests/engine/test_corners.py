@@ -1,17 +1,13 @@
 """Whatever limits a plant on a motion is told, whichever way the model says it; what is smooth is not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 from model_cases import written
 
-from icmj.case.case import prepare
+from icmj import MujocoPlant, load_plant, parse_run, prepare
 from icmj.engine.limits import corners
-from icmj.engine.plant import MujocoPlant, load_plant
-from icmj.runfile.reading import parse_run
 
 MODEL = """
 <mujoco model="limited">

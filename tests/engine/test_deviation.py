@@ -1,15 +1,12 @@
 """Named changes of a model against the closed form of a pendulum, and against models written out."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest
 from model_cases import MOTOR, pendulum, two, written
 
-from icmj.engine.deviation import Deviation
+from icmj import Deviation, load_plant
 from icmj.engine.model import load_spec
-from icmj.engine.plant import load_plant
 from icmj.errors import ModelError
 from icmj.plant.body import Change
 

@@ -1,7 +1,5 @@
 """Equilibria against closed forms: torques of a lean, a balanced lean, shared effort, weights on a floor."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mujoco
@@ -10,8 +8,7 @@ import pytest
 from model_cases import BIASED, MOTOR, MUSCLE, SERVO, pendulum, written
 from scipy.optimize import minimize_scalar
 
-from icmj.engine.deviation import Deviation
-from icmj.engine.plant import load_plant
+from icmj import Deviation, load_plant
 from icmj.errors import ModelError
 from icmj.plant.body import Change, OperatingRule
 

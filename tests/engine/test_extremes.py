@@ -1,16 +1,13 @@
 """Extremes between samples, against the signal itself."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from icmj.case.case import prepare
+from icmj import load_run, prepare
 from icmj.case.case import simulate as run_case
 from icmj.engine.closed_loop import POINTS, ExtremesTracker
 from icmj.engine.native.adaptive import extremes
-from icmj.runfile.reading import load_run
 
 
 def signal(t: np.ndarray) -> np.ndarray:

@@ -1,7 +1,5 @@
 """Models that end MuJoCo, stall its compiler, or make it talk: one line, and the process goes on."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -16,14 +14,11 @@ from model_cases import CROWDED
 from patience import PATIENCE
 from terminal_cases import told
 
-from icmj.controller.trigger import Continuous
+from icmj import Continuous, Deviation, Settings, load_plant
 from icmj.engine import safety
-from icmj.engine.model import Deviation
-from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
 from icmj.engine.safety import EngineFault, examine, guard, hush
 from icmj.errors import ModelError
-from icmj.simulation.settings import Settings
 
 PENDULUM = (MODELS / "pendulum.xml").read_text(encoding="utf-8")
 

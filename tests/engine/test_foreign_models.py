@@ -5,8 +5,6 @@ from it with the square of the threshold where the model is its own mirror image
 not (knees bend one way only).
 """
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 
@@ -16,12 +14,8 @@ import pytest
 from kernel_cases import computed, kernels
 from scipy.linalg import expm
 
-from icmj.case.case import Case, open_loop, prepare
+from icmj import Case, IcmjError, MujocoPlant, RunFile, open_loop, parse_run, prepare
 from icmj.case.plants import assumed_plant
-from icmj.engine.plant import MujocoPlant
-from icmj.errors import IcmjError
-from icmj.runfile.reading import parse_run
-from icmj.runfile.schema import RunFile
 
 FOLDERS = {"gymnasium": "envs/mujoco/assets", "dm_control": "suite"}
 JOINTS = 'outputs = "joints"'

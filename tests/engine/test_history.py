@@ -1,7 +1,5 @@
 """Sensors and actuators that remember: a delay in the model is refused, a memory that only looks on changes nothing."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

@@ -1,7 +1,5 @@
 """Any hybrid controller in MuJoCo: against the linear plant where the sway is small, and against the event loops."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

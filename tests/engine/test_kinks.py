@@ -1,7 +1,5 @@
 """A kink is where slopes differ up and down, not where they are nothing or change alike on both sides."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Mocap bodies stand where the keyframe puts them, in everything that looks at the model."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco
@@ -9,13 +7,11 @@ import numpy as np
 import pytest
 from model_cases import HOOKED, written
 
-from icmj.case.case import prepare, simulate
+from icmj import load_plant, parse_run, prepare, simulate
 from icmj.engine.model import operating_point
 from icmj.engine.operating_point import equilibria
-from icmj.engine.plant import load_plant
 from icmj.engine.pose import Dynamics, scene
 from icmj.plant.body import OperatingRule
-from icmj.runfile.reading import parse_run
 
 RUN = """
 case = {{ name = "hooked", title = "Hooked" }}

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from model_cases import pendulum, written
 
-from icmj.engine.deviation import Deviation
+from icmj import Deviation, load_plant
 from icmj.engine.model import load_spec, operating_point, state_names
-from icmj.engine.plant import load_plant
 from icmj.errors import ModelError
 
 SEGMENTS = {  # mass [kg], COM above the lower joint [m], inertia about the COM [kg m²] (Winter 2009, notes section 5)

@@ -1,7 +1,5 @@
 """Motors behind a lag on the engine: against linear augmentation, DOP853 with a muscle by hand; what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

@@ -1,7 +1,5 @@
 """The compiled callbacks and loop: the same source interpreted says the same; and they start without compiling."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import subprocess

@@ -1,16 +1,13 @@
 """Rates at many states and their neighbours are those of the engine's own forward pass."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from engine_cases import plant
 from engine_runs import BODIES, around, stranger
 from oracles.engine import rates
 
-from icmj.controller.trigger import EventTrigger
+from icmj import EventTrigger, Settings, Step
 from icmj.engine.open_loop import open_loop
-from icmj.simulation.settings import Settings, Step
 
 
 @pytest.mark.parametrize("name", BODIES)

@@ -1,7 +1,5 @@
 """Noise on the engine: against the linear plant, itself at other steps and in other threads."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -10,15 +8,14 @@ import numpy as np
 import pytest
 from engine_cases import controller, plant
 
-from icmj.controller.design import Delay
+from icmj import Bias, Delay, Gaussian, Noise, Settings, Simulation
 from icmj.engine.block import block_of
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.simulation.disturbance import reading_error_of
-from icmj.simulation.settings import Bias, Gaussian, Noise, Settings, Source
-from icmj.simulation.simulation import Simulation
+from icmj.simulation.settings import Source
 
 Kind = Callable[[float], tuple[Source, ...]]
 

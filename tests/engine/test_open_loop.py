@@ -1,21 +1,17 @@
 """One open-loop interval as a function: on both plants it is what a run does from event to event."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from engine_cases import controller, orbit_start, plant, predicted
 
-from icmj.controller.design import Delay
-from icmj.controller.trigger import ClockTrigger, Continuous
+from icmj import ClockTrigger, Continuous, Delay, Impulse, Settings, Step
 from icmj.engine.open_loop import OpenLoops
 from icmj.engine.open_loop import open_loop as engine_open_loop
 from icmj.engine.run import simulate as simulate_engine
 from icmj.linear.run import simulate as simulate_linear
 from icmj.linear.simulator import open_loop as linear_open_loop
-from icmj.simulation.settings import Impulse, Settings, Step
 
 SETTINGS = Settings(duration=6.0, timestep=2e-3)
 PUSH = (Impulse("ankle_torque", 0.5, start=1.5003, duration=0.05), Step("hip_torque", 0.2, start=2.2))

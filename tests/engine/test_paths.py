@@ -1,7 +1,5 @@
 """Every way to step, on every shape of delay: the same events, and the linear plant's to second order."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

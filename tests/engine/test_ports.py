@@ -1,7 +1,5 @@
 """The plant's ports: the input gain is one, names choose and match, units are the model's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mujoco

@@ -1,7 +1,5 @@
 """Poses against closed forms of the kinematic chain, and tangent-space magnification of rotations."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,13 +8,11 @@ import numpy as np
 import pytest
 from log_cases import MODELS, made_up
 
+from icmj import LinearPlant, MujocoPlant, Simulation, load_plant
 from icmj.engine.linearisation import Linearisation, ports_of
 from icmj.engine.model import operating_point
-from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.pose import scene
 from icmj.errors import ModelError
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.simulation import Simulation
 
 # the segment table of the three-link model: mass [kg], length [m], centre of mass above the lower joint [m]
 SEGMENTS = ((7.44, 0.4428, 0.25107), (16.00, 0.4410, 0.25005), (54.24, 0.5184, 0.32452))

@@ -1,7 +1,5 @@
 """The continuous predictor controller on the engine, against the linear plant, DOP853's order, and a retimed step."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from tapped_cases import person

@@ -1,7 +1,5 @@
 """The person on a free foot: as on a fixed one while it stands, the centre of pressure, and where the foot lifts."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 
@@ -9,13 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from icmj.case.case import Case, prepare, simulate
-from icmj.engine.plant import load_plant
+from icmj import Case, Person, Simulation, load_plant, parse_run, prepare, simulate
 from icmj.engine.reaction import Pressure, centre_of_pressure, ground_force
 from icmj.errors import ModelError
-from icmj.plant.body import OperatingRule, Person
-from icmj.runfile.reading import parse_run
-from icmj.simulation.simulation import Simulation
+from icmj.plant.body import OperatingRule
 
 ROOT = Path(__file__).parents[2]
 FLOOR = 'model = "models/three_link_floor.xml"\ndrop = ["foot_x"]'

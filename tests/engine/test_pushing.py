@@ -1,7 +1,5 @@
 """Pushes act on the body itself: momentum by the inverse mass matrix, whatever gain, gear and dynamics inputs have."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mujoco

@@ -1,7 +1,5 @@
 """The closed loop on the engine, against the linear theory, SciPy on analytic dynamics, and its own convergence."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -13,14 +11,9 @@ from engine_cases import controller, design, orbit_start, plant, predicted
 from linear_cases import settings_from
 from scipy.integrate import solve_ivp
 
-from icmj.controller.controller import Controller
-from icmj.controller.design import zero_order
-from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger
+from icmj import ClockTrigger, Continuous, Controller, EventTrigger, Settings, Simulation, error_system, zero_order
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
-from icmj.simulation.settings import Settings
-from icmj.simulation.simulation import Simulation
-from icmj.theory.error_system import error_system
 
 
 def same(a: Simulation, b: Simulation) -> bool:

@@ -1,7 +1,5 @@
 """What acts on a plant at its limits, against its equation of motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from model_cases import MOTOR, pendulum, written

@@ -6,15 +6,12 @@ import engine_cases
 import numpy as np
 import pytest
 
-from icmj.case.case import prepare
+from icmj import ClockTrigger, Continuous, Delay, Settings, Target, load_run, prepare, setpoint
 from icmj.case.case import simulate as run_one
-from icmj.controller.design import NO_DELAY, Delay
-from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
-from icmj.controller.trigger import ClockTrigger, Continuous
+from icmj.controller.design import NO_DELAY
+from icmj.controller.setpoint import pulse, ramp, sines, step
 from icmj.engine.run import simulate
 from icmj.linear.run import simulate as simulate_linear
-from icmj.runfile.reading import load_run
-from icmj.simulation.settings import Settings
 
 TIGHT = {"tolerance": 1e-11}
 

@@ -1,7 +1,5 @@
 """Noise whose size is a share of the command on the engine: against SciPy's integrator and the linear plant."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -12,13 +10,11 @@ import pytest
 from engine_cases import controller, plant
 from scipy.integrate import solve_ivp
 
-from icmj.controller.design import Delay
-from icmj.controller.trigger import Continuous, EventTrigger
+from icmj import Continuous, Delay, EventTrigger, Gaussian, Settings, Simulation
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
-from icmj.simulation.settings import Gaussian, Settings, Source, at_times
-from icmj.simulation.simulation import Simulation
+from icmj.simulation.settings import Source, at_times
 
 ANKLE, HIP = "ankle_torque", "hip_torque"
 

@@ -1,7 +1,5 @@
 """What acts from outside on the engine: the same as the plain sum of its terms, at any instant, in any order."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

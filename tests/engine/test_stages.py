@@ -1,7 +1,5 @@
 """Fewer stages of the engine, the same accelerations: to the last bit, on shipped models and models of users."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,18 +11,13 @@ import pytest
 from engine_cases import MODELS
 from model_cases import BIASED, MOTOR, MUSCLE, RICH, SERVO, pendulum, two, written
 
-from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq, system_matched
-from icmj.controller.trigger import EventTrigger
+from icmj import Controller, EventTrigger, LinearPlant, MujocoPlant, Settings, design_lq, load_plant, system_matched
 from icmj.engine.block import Slot, Stages, block_of, may_constrain, stages_of
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.native.field import callbacks, flow
 from icmj.engine.native.fixed_steps import save, step
 from icmj.engine.native.state import PROGRESS, engine_of
-from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.safety import install_callbacks
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Settings
 
 
 @cache

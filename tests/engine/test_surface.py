@@ -6,12 +6,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import icmj
-from icmj.case.case import prepare, simulate
+from icmj import IcmjError, LinearPlant, load_run, parse_run, prepare, simulate
 from icmj.controller.setpoint import ternary
 from icmj.engine.linearisation import on_bodies
-from icmj.errors import IcmjError
-from icmj.plant.linear_plant import LinearPlant, Push
-from icmj.runfile.reading import load_run, parse_run
+from icmj.plant.linear_plant import Push
 from icmj.simulation.disturbance import ternary_lines
 
 LEGS = """

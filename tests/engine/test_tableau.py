@@ -1,7 +1,5 @@
 """The methods that adapt steps: orders of their ends, their estimates and what they say between, and which is taken."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Controllers that read delayed outputs on the engine, against the linear plant, and DOP853 by the method of steps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

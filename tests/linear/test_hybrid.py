@@ -1,7 +1,5 @@
 """Any hybrid controller on the linear plant: against DOP853 with every instant carried out, and the event loop."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

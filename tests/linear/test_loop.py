@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from linear_cases import PENDULUM, event_controller, loop_matrix, pendulum_design, random_loop
 
+from icmj import ClockTrigger, Continuous, Delay, LinearPlant
 from icmj.controller.controller import CHAIN, ERRORS, ORIGINAL, compose
-from icmj.controller.design import Delay
-from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.errors import SimulationError
 from icmj.linear.loop import linear_loop
-from icmj.plant.linear_plant import LinearPlant
 
 
 @pytest.mark.parametrize("hold", ["system-matched", "zero-order"])

@@ -1,7 +1,5 @@
 """Noise on the linear plant: against SciPy's integrator, Lyapunov equations and integrals over frequency."""
 
-from __future__ import annotations
-
 import tracemalloc
 from functools import cache
 
@@ -21,10 +19,9 @@ from linear_cases import (
 from scipy.integrate import quad
 from scipy.linalg import solve_continuous_lyapunov
 
+from icmj import Bias, Impulse, Noise, statistics
 from icmj.linear.run import simulate
-from icmj.measurement.statistics import statistics
 from icmj.simulation.disturbance import LOW_PASS_END, disturbance_of, reading_error_of
-from icmj.simulation.settings import Bias, Impulse, Noise
 
 
 def sources(seed: int, colour: dict[str, float]) -> tuple[Noise, Noise]:

@@ -1,7 +1,5 @@
 """The continuous predictor controller on the linear plant: closed forms, DOP853 by the method of steps, and limits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import linear_cases

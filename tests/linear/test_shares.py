@@ -7,12 +7,11 @@ import pytest
 from linear_cases import PLANT, event_controller, ivp_run, pendulum_design, random_loop, settings
 from scipy.linalg import expm
 
-from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, system_matched
-from icmj.controller.trigger import ClockTrigger, EventTrigger, as_weight
+from icmj import ClockTrigger, Controller, Delay, EventTrigger, Gaussian, Noise, Step, system_matched
+from icmj.controller.trigger import as_weight
 from icmj.linear.run import simulate
 from icmj.simulation.disturbance import disturbance_of
-from icmj.simulation.settings import Gaussian, Noise, Step, at_times, lines
+from icmj.simulation.settings import at_times, lines
 
 
 def test_lines_are_the_noise_between_its_points():

@@ -12,14 +12,11 @@ from linear_cases import PENDULUM, event_controller, ivp_run, neglected, pendulu
 from patience import PATIENCE
 
 import icmj
-from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, system_matched, zero_order
-from icmj.controller.trigger import BoxTrigger, ClockTrigger
+from icmj import Bias, BoxTrigger, ClockTrigger, Controller, Delay, Impulse, Noise, Step, system_matched, zero_order
 from icmj.linear.native.pieces import compile_pieces
 from icmj.linear.run import simulate
 from icmj.linear.simulator import Simulator, open_loop
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
-from icmj.simulation.settings import Bias, Impulse, Noise, Step
 
 PUSHED = (
     Step("torque", 0.02, 0.31, on="command"),

@@ -1,7 +1,5 @@
 """The linear plant under controllers that read delayed outputs, against DOP853 by the method of steps, and roots."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -14,11 +12,10 @@ from patience import PATIENCE
 from tapped_cases import BODY, CONTINUOUS, DELAY, HOMOGENEOUS, MGH, SWITCHING, Tapped, pid, two_taps
 
 import icmj
+from icmj import Bias, Gaussian, Impulse, LinearPlant, Noise, Sampled, Settings, Step
 from icmj.controller.realisation import Guard, Mode
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate_tapped
-from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Bias, Gaussian, Impulse, Noise, Sampled, Settings, Step
 
 START = np.array([0.01, 0.003])
 

@@ -1,7 +1,5 @@
 """The JSON Schema of run and sweep files: it knows every key, says what it means, and takes every shipped file."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from typing import Any

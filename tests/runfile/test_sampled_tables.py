@@ -1,7 +1,5 @@
 """Disturbances by their values: ramps and columns of files, from a run file to both plants and a log."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +7,10 @@ import pytest
 from linear_cases import PLANT, event_controller, ivp_run, pendulum_design, settings_from
 
 import icmj
-from icmj.errors import IcmjError, RunFileError
+from icmj import IcmjError, Sampled, load_run
+from icmj.errors import RunFileError
 from icmj.linear.run import simulate
-from icmj.runfile.reading import load_run
 from icmj.simulation.disturbance import disturbance_of, pushes_of
-from icmj.simulation.settings import Sampled
 
 
 def test_a_ramp_is_what_dop853_finds() -> None:

@@ -1,7 +1,5 @@
 """A run file changed in code says what it is: its text, its fingerprint, and what it may still claim of the paper."""
 
-from __future__ import annotations
-
 import tomllib
 
 import pytest

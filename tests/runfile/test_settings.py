@@ -1,7 +1,5 @@
 """A table that is a setting of the Python interface: its keys, their bounds and meanings are the setting's."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated

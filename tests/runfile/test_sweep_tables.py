@@ -1,7 +1,5 @@
 """A bad sweep file is one line that names what is wrong, before anything runs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Every key of every kind of file: a value of another type is refused in one line, and a whole number is a number."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterator
 from datetime import date

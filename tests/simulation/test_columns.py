@@ -1,7 +1,5 @@
 """What a run gives away: every signal by name, between rows as exactly as the rows allow, across no event."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Disturbances as sums of windowed sinusoids."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Settings, starts and endings: what is wrong is one line, and both simulators share one set of words."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 
 import numpy as np
