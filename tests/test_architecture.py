@@ -147,7 +147,7 @@ def test_there_is_one_event_loop() -> None:
     So what comes first at an instant stands in one place. Flows plan and pass instants only where these verbs are.
     """
     verbs = {"travel", "change", "act", "tick", "cross", "fire", "end"}
-    homes = {"has_action": {"act"}, "plan_after": {"fire"}, "await_sample": {"cross"}, "next_event": {"tick"}}
+    homes = {"take_action": {"act"}, "plan_after": {"fire"}, "await_sample": {"cross"}, "next_event": {"tick"}}
     loops, entries = set(), {}
     for path in MODULES:
         if "native" not in path.parts:

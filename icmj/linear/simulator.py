@@ -84,7 +84,7 @@ class Simulator:
         self._m, self._n_y, several = m, n_y, np.isfinite(interval)
         self._capacity = capacity = max(_ROWS, 2 * rows) if several else 8
         self._run = Run(
-            now=np.zeros(len(Now)), counts=np.zeros(len(Count), np.int64), when=np.zeros(3), due=np.zeros(5, np.int64),
+            now=np.zeros(len(Now)), counts=np.zeros(len(Count), np.int64), when=np.zeros(3), due=np.zeros(6, np.int64),
             queue=np.zeros(int(T.delay / T.clock) + 4), w=np.zeros(len(T.J)),
             s=np.zeros(T.W.shape[1]), begun=np.zeros(m), ended=np.zeros(m), row=np.zeros(m),
             high=np.zeros(n_y), low=np.zeros(n_y), rows_t=np.empty(capacity), rows_z=np.empty((capacity, m)),

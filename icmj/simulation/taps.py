@@ -18,6 +18,7 @@ from icmj.controller.realisation import Realisation
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.disturbance import Acting, Disturbance, expect_held
+from icmj.simulation.native.loop import ACTED, PLANNED
 from icmj.simulation.native.taps import SMOOTH
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.settings import Settings, at_points, points_of
@@ -110,20 +111,21 @@ class Now(NamedTuple):
     """The present state of the controller, and work arrays.
 
     Attributes:
-        mode: the present one, and that of the last stretch of any length, shape (2,).
+        mode: the present one, and that of the last stretch that was longer than nothing, shape (2,).
         sign: whether each guard is positive, shape (G,).
         roots: where on the stretch each changes its sign first, in units of time, shape (G,).
         a: state, shape (N_a,).
-        met: which guard, or face of the rule (numbered behind them), is met where the last stretch ended and something
-            else is due, and which ended it, −1 for none; how many stretches in a row have ended soon in a switch;
-            whether a fall is met; whether the last stretch had any length; and whether the mode has changed at its
-            end; shape (6,).
+        met: by number, shape (6,), which guard, or face of the rule (numbered behind them), is met within 1e-12 s of
+            where the last stretch ended for another reason, −1 for none (``MEETS``); which ended it, −1 for none
+            (``ENDS``); how many stretches in a row have ended soon in a switch (``SWITCHES``); whether the plant has
+            fallen (``FALLS``); whether the last stretch was longer than nothing (``MOVES``); and whether the mode has
+            changed at its end (``TURNS``).
         level: of what begins now, see :mod:`icmj.simulation.native.taps`; shape (1,).
         due, when, queue: what is planned, see :mod:`icmj.simulation.native.loop`; shapes (6,), (3,), (capacity,).
         v, A, u: readings, state and command on the stretch under way, shapes (n_v, p + 1), (N_a, p + 1), (n_u, p + 1).
         last: command at the end of the stretch before, shape (n_u,).
         after: room for a state, shape (N_a,).
-        values: at nodes, shape (nodes, n_r).
+        values: at nodes, shape (nodes, n_r + n_y + N_a).
         reach: how far each component of w may move on the stretch, shape (N_w,).
         g: of a guard.
         stack, spans: see :mod:`icmj.base.roots`.
@@ -284,7 +286,7 @@ def lengthen(now: Now) -> Now:
     Raises:
         SimulationError: if that would be more than :data:`ROOM`.
     """
-    done, count, size = int(now.due[3]), int(now.due[4] - now.due[3]), len(now.queue)
+    done, count, size = int(now.due[ACTED]), int(now.due[PLANNED] - now.due[ACTED]), len(now.queue)
     if count < size - 1:
         return now
     if 2 * now.queue.nbytes > ROOM:

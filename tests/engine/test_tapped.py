@@ -317,3 +317,18 @@ def test_a_body_on_a_floor_gets_its_pressure() -> None:
     assert run.outcome.kind == "completed"
     assert run.pressure is not None
     assert np.isfinite(run.pressure.centre).all()
+
+
+@pytest.mark.parametrize("more", [1e-4, 0.004, 0.03, 0.2])
+@pytest.mark.parametrize("law", [pid(), SWITCHING], ids=["delayed", "switched"])
+@pytest.mark.parametrize(("steps", "near"), [(STEPS, 2e-3), ({"tolerance": 1e-9}, 1e-2)], ids=["fixed", "adapted"])
+def test_a_fall_within_the_last_stretch_is_where_it_is_in_a_longer_run(law, steps, near, more) -> None:
+    """Where a stretch is to end changes neither when it falls, to a step or sample, nor that the last row shows it."""
+    settings = Settings(duration=5.0, limit=0.12, disturbance=(Step("ankle", 80.0, 0.05),), **steps)
+    whole = simulate(person(), law, settings, x0=START, error_estimate=False)
+    assert whole.outcome.kind == "fell"
+    late = whole.outcome.t + more
+    run = simulate(person(), law, replace(settings, duration=late), x0=START, error_estimate=False)
+    assert run.outcome.kind == "fell"
+    assert run.outcome.t == run.t[-1] == pytest.approx(whole.outcome.t, abs=near)
+    assert 0.12 <= np.abs(run.x[-1, 0]) < 0.12 + 1.5 * near

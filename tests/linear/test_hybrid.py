@@ -262,4 +262,4 @@ def test_a_fall_comes_after_what_is_due_at_its_instant(off, duration, rule, edge
     assert run.events.t == pytest.approx([0.5], abs=1e-12)
     late = off > 0 and duration == 0.5  # a limit that is not reached by the end
     assert run.outcome.kind == ("completed" if late else "fell")
-    assert run.outcome.t == pytest.approx(0.5, abs=1e-12)
+    assert run.t[-1] == run.outcome.t == pytest.approx(0.5, abs=1e-12)

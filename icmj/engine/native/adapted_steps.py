@@ -1,4 +1,7 @@
-"""The loop from event to event with steps as long as a tolerance allows, as one compiled function."""
+"""The flow of the engine in steps as long as a tolerance allows, under an observer, a hold and an event rule.
+
+The verbs that :mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant.
+"""
 
 # numba rewrites calls of types, which type checkers cannot see
 # mypy: disable-error-code="call-arg, call-overload"

@@ -1,7 +1,8 @@
-"""The loop from event to event as one compiled function.
+"""The flow of the engine in fixed steps, under an observer, a hold and an event rule.
 
-It runs without the GIL and cannot raise: a run that goes wrong comes back as a status. With it: one step of the
-engine, which can be undone and repeated with another length, and the search for a zero of the event function in a step.
+The verbs that :mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant. With them: one
+step of the engine, which can be undone and repeated with another length, and the search for a zero of the event
+function in a step. It runs without the GIL and cannot raise: a run that goes wrong comes back as a status.
 """
 
 from __future__ import annotations
@@ -141,7 +142,7 @@ def _lean_runge_kutta(engine, progress, length, end):  # type: ignore[no-untyped
 
 @exact
 def undo(engine, progress):  # type: ignore[no-untyped-def]
-    """Restore the saved state, to take another step from it."""
+    """Make the next step start from the saved state; steps of :func:`_lean_runge_kutta` do so anyway."""
     if engine.integrator != RK4 or engine.stages == _WHOLE:
         _restore(engine, progress)
         forward(engine.model, engine.data)
@@ -402,7 +403,7 @@ def _travel(f):  # type: ignore[no-untyped-def]
     armed = has_rule and is_watched(rule, t)
     if has_rule and not armed:
         target = min(target, one(rule.when[READY], target))
-    lands = target - t <= plan.timestep * (1 + 1e-9)
+    lands = target - t <= plan.timestep * (1 + 1e-9) + SAME
     length = target - t if lands else plan.timestep
     fired, starts = False, progress[0].stale == RESTARTED and armed and reached(rule.now)
     progress[0].stale = 0

@@ -1,7 +1,8 @@
-"""Data of the compiled loops: the engine's memory, the plan of a run, the event rule, and the run's progress.
+"""Data of the flows of the engine: its memory, the plan of a run, the event rule, and the run's progress.
 
-With it, what both loops do besides stepping: check the plant, record rows, apply maps, and find the next due time; and
-the rates of the closed loop at many states and at neighbours of each, as one compiled function.
+With it, what fixed and adapted steps do alike: check the plant, record rows, apply maps, and the verbs of
+:mod:`icmj.simulation.native.loop` that do not step; and the rates of the closed loop at many states and at neighbours
+of each, as one compiled function.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from icmj.engine.native.memory import (
     sources,
 )
 from icmj.engine.schedule import Schedule, round_step, row_after
-from icmj.simulation.native.loop import EDGE, PLANNED, TICK, Status, has_action, is_due, next_event, plan_after
+from icmj.simulation.native.loop import EDGE, PLANNED, TICK, Status, is_due, next_event, plan_after, take_action
 
 RK4, EULER, IMPLICIT, WHOLE_STEP = 0, 1, 2, 3
 INTEGRATORS = {
@@ -44,7 +45,7 @@ PROGRESS = np.dtype([
     ("grid", float),         # the step grid starts at this time [s]
     ("steps", np.int64),     # steps done on it
     ("events", np.int64),    # so far
-    ("lands", np.int64),     # whether the last step has ended where it was planned to
+    ("lands", np.int64),     # whether the last step has ended where something is due, or the rule is to be judged
     ("met", np.int64),       # whether it has ended at an event
     ("status", np.int64),    # of the state there
     ("stale", np.int64),     # STALE, RESTARTED, or 0 where rates and levels are those of the state
@@ -114,7 +115,8 @@ class Engine(NamedTuple):
 class Plan(NamedTuple):
     """A :class:`icmj.engine.schedule.Schedule`, with the limits at which the plant has fallen.
 
-    ``wait`` is the least time from one event until the rule is watched again; the last of ``edges`` is infinite.
+    ``wait`` is the least time from one event until the rule is watched again; the last of ``edges`` is infinite;
+    ``delay`` is, under a clock, exactly a multiple of its interval where it is nearly one.
     """
 
     timestep: float
@@ -249,7 +251,7 @@ def rule_of(block: Block, data: mujoco.MjData, schedule: Schedule) -> Rule:
         now=np.zeros((faces, 2)),
         top=np.zeros(faces),
         when=np.zeros(3),
-        due=np.zeros(5, dtype=np.int64),
+        due=np.zeros(6, dtype=np.int64),
         queue=np.zeros(int(schedule.delay / schedule.clock) + 4),
     )
 
@@ -398,16 +400,22 @@ def _write(engine, row):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def note(engine, progress, interval, record, fired, due):  # type: ignore[no-untyped-def]
-    """Record the outputs at the engine's state, and a row if one is due or an event fires."""
-    count = record.count
-    row = record.dense[count[0]]
+def _note_outputs(engine, record):  # type: ignore[no-untyped-def]
+    row = record.dense[record.count[0]]
     row[0] = engine.time[0]
     outputs = 1 + len(engine.sensordata)
     for i in range(outputs - 1):
         row[1 + i] = engine.sensordata[i]
     for i in range(len(row) - outputs):  # of a controller that is read by itself, its state
         row[outputs + i] = engine.act[engine.first + i]
+    record.count[0] += 1
+
+
+@inlined
+def note(engine, progress, interval, record, fired, due):  # type: ignore[no-untyped-def]
+    """Record the outputs at the engine's state, and a row if one is due or an event fires."""
+    count = record.count
+    _note_outputs(engine, record)
     if fired or due:
         if engine.rows_need_forward:
             forward(engine.model, engine.data)
@@ -416,10 +424,9 @@ def note(engine, progress, interval, record, fired, due):  # type: ignore[no-unt
             count[1] += 1
         if fired:
             _write(engine, record.events[count[2]])
-            record.event_at[count[2]] = count[0]
+            record.event_at[count[2]] = count[0] - 1
             count[2] += 1
         progress[0].next_row = _row_after(engine.time[0], interval)
-    count[0] += 1
 
 
 @inlined
@@ -433,7 +440,9 @@ def note_row(engine, record):  # type: ignore[no-untyped-def]
 
 @inlined
 def note_event(engine, record):  # type: ignore[no-untyped-def]
-    """Record an event where the outputs were recorded last."""
+    """Record an event where the outputs were recorded last; they are again if the caller has taken them since."""
+    if record.count[0] == 0:
+        _note_outputs(engine, record)
     _write(engine, record.events[record.count[2]])
     record.event_at[record.count[2]] = record.count[0] - 1
     record.count[2] += 1
@@ -484,7 +493,7 @@ def change(f):  # type: ignore[no-untyped-def]
 @exact
 def act(f):  # type: ignore[no-untyped-def]
     """Carry out the action that is due."""
-    acts = has_action(f.rule, f.engine.time[0])
+    acts = take_action(f.rule, f.engine.time[0])
     if acts:
         apply(f.rule.G, f.rule)
         f.progress[0].stale = STALE

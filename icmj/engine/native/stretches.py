@@ -12,7 +12,7 @@ What the engine passes of outputs (and states of the controller) on the way is m
 read later, and in which guards and faces are looked for: through values at nodes, each by a polynomial of degree seven
 through the samples around it, with an error of order eight in their spacing.
 
-A fall is noticed where a step ends.
+A fall is noticed where a step ends, of an adapted one also at its samples and rows.
 
 Recurring arguments are those of :mod:`icmj.engine.native.state` and :mod:`icmj.simulation.taps`, and ``reader``
 and ``track``.
@@ -41,17 +41,16 @@ from icmj.engine.schedule import Recording, row_after
 from icmj.simulation.native.loop import (
     ARRIVED,
     EDGE,
-    RESET,
     SIGNAL,
     Status,
     is_due,
-    next_instant,
     run_loop,
 )
 from icmj.simulation.native.loop import sources as sources_of_loop
 from icmj.simulation.native.taps import (
     BEFORE,
     FALLS,
+    MEETS,
     SMOOTH,
     TURNS,
     act,
@@ -397,13 +396,15 @@ def _turns_back(engine, progress, record, taps, now, track):  # type: ignore[no-
 def _finish(engine, plan, progress, record, taps, history, now, reader, track, status):  # type: ignore[no-untyped-def]
     """End the stretch where the engine is: what was read, state and command there, the outputs, a row if it ends here.
 
-    What falls where something is due has not fallen before.
+    Where the plant has fallen the stretch ends, with what is due there still to come.
     """
     t, end = track.t[0], track.t[1]
-    track.marks[1] = _BETWEEN
-    edge = min(plan.edges[now.due[EDGE]], taps.edges[now.due[SIGNAL]], now.due[RESET] * taps.period)
-    now.met[FALLS] = status == _FELL and is_due(next_instant(taps, now, edge, plan.t_end), end)
-    status = _RUNNING if now.met[FALLS] else status
+    track.marks[1], now.met[FALLS] = _BETWEEN, status == _FELL
+    if status == _FELL:
+        if engine.time[0] < end:  # a guard that it was to end at is not reached
+            track.marks[0] = now.met[MEETS] = -1
+        track.t[1] = end = engine.time[0]
+        status = _RUNNING
     if status == _RUNNING:
         if end > t:
             if not reader.joint:
@@ -568,7 +569,7 @@ def _change(f):  # type: ignore[no-untyped-def]
 @exact
 def _note(f, event, acted):  # type: ignore[no-untyped-def]
     track, t = f.track, f.time[0]
-    if event or is_over(f) or f.now.met[TURNS] != 0:
+    if event or is_over(f) or f.now.met[TURNS] != 0 or f.now.met[FALLS] != 0:
         _row_here(f.engine, f.plan, f.progress, f.record, f.now, track)
     if event:
         note_event(f.engine, f.record)

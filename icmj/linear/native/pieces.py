@@ -60,7 +60,6 @@ from icmj.simulation.native.loop import (
     READY,
     Status,
     await_sample,
-    has_action,
     is_due,
     is_watched,
     next_event,
@@ -68,6 +67,7 @@ from icmj.simulation.native.loop import (
     plan_after,
     run_loop,
     sources,
+    take_action,
 )
 
 _DIVERGED = 1e12
@@ -270,7 +270,7 @@ def _apply(jump, run, scratch):  # type: ignore[no-untyped-def]
 def _travel(f):  # type: ignore[no-untyped-def]
     """To the end of the piece under way, or of the next one."""
     T, run = f.T, f.run
-    now, counts, m = run.now, run.counts, len(run.row)
+    counts, m = run.counts, len(run.row)
     if counts[Count.EVENTS] == len(run.events):
         return _RUNNING
     if counts[Count.CELL] < 0:
@@ -283,7 +283,7 @@ def _travel(f):  # type: ignore[no-untyped-def]
     if kind == _GONE:
         return _STATUS_DIVERGED
     extend(T, run, run.w[:m], False)
-    return _FELL if kind == FALL and now[Now.TIME] < now[Now.STOP] else ARRIVED
+    return ARRIVED
 
 
 @inlined
@@ -292,7 +292,7 @@ def _change(f):  # type: ignore[no-untyped-def]
     while is_due(T.edges[run.due[EDGE]], run.now[Now.TIME]):
         for j in range(T.jumps.shape[1]):
             run.w[j] += T.jumps[run.due[EDGE], j]
-            moved = True
+            moved = moved or T.jumps[run.due[EDGE], j] != 0
         run.due[EDGE] += 1
         run.counts[Count.ENDED] = -1  # from here on, other terms act on that step
     return moved
@@ -300,7 +300,7 @@ def _change(f):  # type: ignore[no-untyped-def]
 
 @inlined
 def _act(f):  # type: ignore[no-untyped-def]
-    acts = has_action(f.run, f.run.now[Now.TIME])
+    acts = take_action(f.run, f.run.now[Now.TIME])
     if acts:
         _apply(f.T.G, f.run, f.scratch)
     return acts

@@ -354,9 +354,9 @@ def _travel(f):  # type: ignore[no-untyped-def]
 
 @merged
 def _note(f, event, acted):  # type: ignore[no-untyped-def]
-    """Record a row where the run ends; and an event where the last stretch ended, to begin the next interval."""
+    """Record a row where run or mode end, and an event where the last stretch did, to begin the next interval."""
     body, track, t, n, n_y = f.body, f.track, f.track.t[0], len(f.track.X), len(f.body.C)
-    if event or is_over(f) or f.now.met[TURNS] != 0:
+    if event or is_over(f) or f.now.met[TURNS] != 0 or f.now.met[FALLS] != 0:
         _row_here(body, f.now, track, t)
     if not event:
         return

@@ -7,8 +7,10 @@ that the one before has left:
 1. what acts changes: pushes, disturbances and errors of readings begin, bend or end, with the values from the right; a
    set-point that jumps moves the controller's state, and an impulse moves what it acts on;
 2. actions that are due, the oldest first: a := G a; and resets of a period: a := J a;
-3. the clock ticks, or the sample is taken for which the rule has reached its threshold; then guards and faces that have
-   been reached, if the rule is watched: an event. If 1 or 2 has moved the state, these are judged anew;
+3. the clock ticks, or the sample is taken for which the rule has reached its threshold; then the rule, if it is watched
+   and has reached its threshold: an event, one with the tick. If 1 or 2 has moved the state, the rule is judged anew.
+   Guards of a controller that has modes are looked at with the rule; what they meet where something else is due is
+   found where the next stretch begins, at the same instant, on what the tick has left;
 4. rows and events are recorded, with the state before the reset;
 5. the event: a := J a, the mode that follows; its action is due one delay later, and the rule is watched again when the
    least interval is over;
@@ -18,18 +20,19 @@ Instants are compared in seconds, never as fractions of a step, which are rounde
 other are one, because sums of intervals are rounded, too. What is reached less than :data:`SAME` before an instant at
 which something is due is reached there, after it. A rule that is watched from an instant on is judged at that instant.
 Every number that decides is a function of state and time alone, so neither the rows asked for nor the size of a buffer
-changes a bit of the motion.
+changes a bit of the motion, but where a step of adapted length would not find room for its rows.
 
 A flow is a module with the verbs below, which the loop calls with the flow's own data, whatever these are. There are
-two for each plant: a quick one for an observer with a hold and an event rule, whose steps can be worked out before, and
-one for any controller, which goes by stretches (:mod:`icmj.simulation.native.taps`):
-:mod:`icmj.linear.native.pieces`, :mod:`icmj.linear.native.stretches`, :mod:`icmj.engine.native.steps` (fixed and
-adaptive) and :mod:`icmj.engine.native.stretches`.
+two kinds for each plant: a quick one for an observer with a hold and an event rule (:mod:`icmj.linear.native.pieces`;
+:mod:`icmj.engine.native.fixed_steps` and :mod:`icmj.engine.native.adapted_steps`), and one for any controller, which
+goes by stretches (:mod:`icmj.linear.native.stretches`, :mod:`icmj.engine.native.stretches`, and for both
+:mod:`icmj.simulation.native.taps`).
 
 ===================== ==================================================================================================
-``travel(f)``         moves to the next instant, or a step towards it: :data:`ARRIVED`, a :class:`Status` that ends the
-                      run, or ``RUNNING`` where the caller is asked, for room or whether to go on
-``change(f)``         1; whether the state has jumped
+``travel(f)``         moves to the next instant, or a step towards it: :data:`ARRIVED` where the others are to be
+                      called, a :class:`Status` that ends the run, or ``RUNNING`` where the caller is asked, for room or
+                      whether to go on
+``change(f)``         1; whether the state, or a reading, has jumped
 ``act(f)``            2; whether anything has acted
 ``tick(f)``           whether an event is due by itself
 ``cross(f, moved)``   whether what has been reached is an event; changes the mode where a guard does
@@ -39,13 +42,13 @@ adaptive) and :mod:`icmj.engine.native.stretches`.
 ===================== ==================================================================================================
 
 What the controller has planned (*agenda*) is the same for all flows. Its arguments are ``plan``, anything with
-``wait``, ``delay``, ``clock``, ``sampling`` and ``period`` [s], and ``now``, anything with the arrays
+``wait``, ``delay``, ``clock`` and ``sampling`` [s], and ``now``, anything with the arrays
 
 - ``when``: :data:`READY`, from when the rule is watched; :data:`SAMPLE`, when a sample is taken; :data:`LAST`, the last
   event [s];
-- ``due``: numbers of the next :data:`RESET` of a period, :data:`EDGE` of what acts, :data:`SIGNAL` of the controller's
-  own signals and :data:`TICK` of the clock, and of actions that have been carried out (:data:`ACTED`) and planned
-  (:data:`PLANNED`);
+- ``due``: numbers of the next :data:`EDGE` of what acts and :data:`TICK` of the clock, and of actions that have been
+  carried out (:data:`ACTED`) and planned (:data:`PLANNED`); of stretches also of the next :data:`RESET` of a period and
+  :data:`SIGNAL` of the controller's own signals;
 - ``queue``: times of actions, in a ring [s].
 """
 
@@ -81,7 +84,7 @@ class Status(IntEnum):
     """The modes of the controller switch to and fro at one instant."""
 
 
-ARRIVED = -2  # of a journey
+ARRIVED = -2  # what a journey comes back with, beside a Status
 _RUNNING = int(Status.RUNNING)
 READY, SAMPLE, LAST = 0, 1, 2
 RESET, EDGE, TICK, ACTED, PLANNED, SIGNAL = 0, 1, 2, 3, 4, 5
@@ -132,6 +135,7 @@ def next_instant(plan, now, edge, end):  # type: ignore[no-untyped-def]
 
     Of instants that are one, it is that of the end, of the edge, of the tick.
     """
+    edge = one(edge, end)
     tick = one(one(next_event(plan, now), edge), end)
     action = one(one(one(next_action(now), tick), edge), end)
     return min(tick, action, edge, end)
@@ -144,8 +148,8 @@ def is_watched(now, t):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def has_action(now, t):  # type: ignore[no-untyped-def]
-    """Whether an action is due at ``t``, which then counts as carried out."""
+def take_action(now, t):  # type: ignore[no-untyped-def]
+    """Take the oldest action from the queue if it is due at ``t``; whether it is."""
     due = next_action(now) <= t + SAME
     if due:
         now.due[ACTED] += 1

@@ -34,12 +34,12 @@ from icmj.simulation.native.loop import (
     SIGNAL,
     Status,
     await_sample,
-    has_action,
     is_due,
     is_watched,
     next_event,
     next_instant,
     plan_after,
+    take_action,
 )
 from icmj.simulation.native.waves import add_waves
 
@@ -464,7 +464,7 @@ def change(f):  # type: ignore[no-untyped-def]
 def act(f):  # type: ignore[no-untyped-def]
     """Carry out actions and resets of the period that are due."""
     taps, now, t, acts = f.taps, f.now, f.time[0], False
-    while has_action(now, t):
+    while take_action(now, t):
         _map(taps.jump, now)
         acts = True
     while is_due(now.due[RESET] * taps.period, t):
