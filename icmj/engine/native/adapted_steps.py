@@ -143,7 +143,11 @@ def _polish(engine, plan, stepper, rule, t, s, length, at):  # type: ignore[no-u
 
 @merged
 def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, arm):  # type: ignore[no-untyped-def]
-    """Take one step towards ``target``; return whether an event ends it, and the status."""
+    """Take one step towards ``target``; return whether an event ends it, and the status.
+
+    The rule is watched from ``arm`` on. Where it is beyond its threshold there, :func:`event_in` answers with a θ below
+    zero, and the event is at ``arm`` to the last bit.
+    """
     t = engine.time[0]
     get(engine, stepper.start)
     room, step, rejected = target - t, progress[0].next_step, False
@@ -258,7 +262,7 @@ def _cross(f, moved):  # type: ignore[no-untyped-def]
         evaluate(rule)
         fired = reached(rule.now)
     if fired and not await_sample(f.plan, rule, engine.time[0]):
-        progress[0].stale, fired = STALE, False
+        progress[0].stale, fired = STALE, False  # the next step begins with rates of its own
     return fired
 
 

@@ -446,7 +446,7 @@ def _cross(f, moved):  # type: ignore[no-untyped-def]
     if not fired and progress[0].lands != 0 and len(rule.now) > 0 and is_watched(rule, engine.time[0]):
         fired = reached(rule.now)
     if fired and not await_sample(f.plan, rule, engine.time[0]):
-        progress[0].stale, fired = STALE, False
+        progress[0].stale, fired = STALE, False  # E is above zero, and not watched: levels anew before the next step
     return fired
 
 

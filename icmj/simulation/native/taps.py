@@ -437,7 +437,9 @@ def remember(history, t, level):  # type: ignore[no-untyped-def]
 
 
 # verbs of :mod:`icmj.simulation.native.loop`, the same for the stretches of both plants: ``f`` has ``taps``, ``now``,
-# ``time`` (whose first is now), ``edges`` and ``levels`` of what acts, and the ``end`` of the run
+# ``time`` (whose first is now), ``edges`` and ``levels`` of what acts, and the ``end`` of the run. A plant's own verbs
+# are ``travel`` and ``note``. The first takes one stretch (open_stretch or foresee, cut, remember, leave), and leaves
+# the level of what begins then, which is SMOOTH unless a verb says otherwise, and in now.met what the stretch has met.
 
 
 @merged
