@@ -27,7 +27,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -317,11 +316,8 @@ class ExtremesTracker:
             inside = self._jumps(float(t_i[0]), float(t_i[-1]))
             # a jump at either end cuts nothing, whatever the last bit of its time is
             inside = inside[(inside - t_i[0] > SAME) & (t_i[-1] - inside > SAME)]
-            cuts = [0, *np.searchsorted(t_i, inside - SAME), len(t_i) - 1]
-            high, low = extremes(t_i[: cuts[1] + 1], y_i[: cuts[1] + 1], self._points)
-            for a, b in pairwise(cuts[1:]):
-                further = extremes(t_i[a : b + 1], y_i[a : b + 1], self._points)
-                high, low = np.maximum(high, further[0]), np.minimum(low, further[1])
+            cuts = np.concatenate([[0], np.searchsorted(t_i, inside - SAME), [len(t_i) - 1]])
+            high, low = extremes(t_i, y_i, self._points, cuts)
             self._max.append(high)
             self._min.append(low)
             start = end

@@ -151,23 +151,30 @@ def _entry() -> Any:
     source = sources()
 
     @entry
-    def find(t, y, high, low, points):  # type: ignore[no-untyped-def]
+    def find(t, y, cuts, high, low, points):  # type: ignore[no-untyped-def]
         if source:
-            _find(t, y, high, low, points)
+            top, bottom = np.empty(len(high)), np.empty(len(low))
+            for k in range(len(cuts) - 1):
+                _find(t[cuts[k] : cuts[k + 1] + 1], y[cuts[k] : cuts[k + 1] + 1], top, bottom, points)
+                for i in range(len(high)):
+                    high[i] = top[i] if k == 0 else max(high[i], top[i])
+                    low[i] = bottom[i] if k == 0 else min(low[i], bottom[i])
 
     return find
 
 
-def extremes(t: Array, y: Array, points: int) -> tuple[Array, Array]:
-    """Largest and smallest value of each smooth signal y(t), between samples too.
+def extremes(t: Array, y: Array, points: int, cuts: np.ndarray | None = None) -> tuple[Array, Array]:
+    """Largest and smallest value of each signal y(t), between samples too, smooth but at the samples of ``cuts``.
 
     Around every sample that is higher (lower) than its neighbours the polynomial through the ``points`` nearest
     samples is maximised; the ends of the span count as they are. Samples much closer together than the others are
-    thinned, for a polynomial through them would magnify rounding. Shapes (M,), (M, n) → (n,), (n,).
+    thinned, for a polynomial through them would magnify rounding. Shapes (M,), (M, n) → (n,), (n,). The numbers in
+    ``cuts`` rise from 0 to M − 1, which is what they are by default.
     """
+    cuts = np.array([0, len(t) - 1]) if cuts is None else cuts
     high, low = np.empty(y.shape[1]), np.empty(y.shape[1])
     # contiguous: for every other layout numba would compile once more
-    call(_entry(), np.ascontiguousarray(t), np.ascontiguousarray(y), high, low, points)
+    call(_entry(), np.ascontiguousarray(t), np.ascontiguousarray(y), cuts, high, low, points)
     return high, low
 
 
