@@ -11,7 +11,17 @@ from engine_cases import controller, design, orbit_start, plant, predicted
 from linear_cases import settings_from
 from scipy.integrate import solve_ivp
 
-from icmj import ClockTrigger, Continuous, Controller, EventTrigger, Settings, Simulation, error_system, zero_order
+from icmj import (
+    ClockTrigger,
+    Continuous,
+    Controller,
+    EventTrigger,
+    Settings,
+    Simulation,
+    Step,
+    error_system,
+    zero_order,
+)
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 
@@ -490,3 +500,15 @@ def test_named_starts_and_errors() -> None:
         simulate(actual, control, Settings(), x0=[1.0])
     with pytest.raises(SimulationError, match="timestep"):
         simulate(actual, control, Settings(duration=1.0, timestep=2.0))
+
+
+@pytest.mark.parametrize("steps", [{"timestep": 2e-3}, {"tolerance": 1e-8}], ids=["fixed", "adapted"])
+def test_what_begins_at_the_end_but_for_rounding_begins_at_the_end(steps) -> None:
+    """0.3 and 3 · 0.1 are one instant: the run has one last row, at its duration."""
+    actual, control = plant("three_link", 0.9), controller("three_link")
+    push = Step(actual.linearisation.plant.inputs[0], 1e-3, 0.3)
+    settings = Settings(duration=3 * 0.1, disturbance=(push,), **steps)
+    run = simulate(actual, control, settings, x0=1e-4 * np.ones(6), error_estimate=False)
+    assert run.outcome.kind == "completed"
+    assert run.t[-1] == 3 * 0.1
+    assert np.diff(run.t).min() > 1e-12
