@@ -139,7 +139,7 @@ class PlaceTable(DisturbanceTable):
     def source(self) -> Source | None:
         """The source that it stands for; ``None`` before code of the user's own has drawn it."""
         return self.make_source(
-            cast(Callable[..., Source], self.setting), **({"size": self.sized} if hasattr(self, "size") else {})
+            cast(Callable[..., Source], self.setting), **({"size": self.full_size} if hasattr(self, "size") else {})
         )
 
     def make_source(self, source: Callable[..., Kind], **more: Any) -> Kind:
@@ -171,7 +171,7 @@ class PlaceTable(DisturbanceTable):
             yield found
 
     @property
-    def sized(self) -> float:
+    def full_size(self) -> float:
         """The size; 1 where force and torque are given and it is left out."""
         size: float | None = getattr(self, "size", None)
         if size is None and self.body is None and self.surface is None:
@@ -215,7 +215,7 @@ class RampTable(PlaceTable):
                 f"interval, {self.interval:g} s, and at most {MOST_VALUES} of them"
             )
         share = np.clip((np.arange(round(last) + 1) - round(first)) / (round(last) - round(first)), 0.0, 1.0)
-        return self.make_source(Sampled, values=tuple((self.sized * share).tolist()), start=0.0)
+        return self.make_source(Sampled, values=tuple((self.full_size * share).tolist()), start=0.0)
 
 
 @keys_of(Sampled, without=("values",))
@@ -357,7 +357,7 @@ class GaussianTable(PlaceTable):
         """The source that it stands for."""
         if self.share is not None and self.size is not None:
             raise SimulationError("gaussian noise: give size or share, not both")
-        return self.make_source(Gaussian, **({"share": self.share} if self.share else {"size": self.sized}))
+        return self.make_source(Gaussian, **({"share": self.share} if self.share else {"size": self.full_size}))
 
 
 @keys_of(Bias)

@@ -349,7 +349,7 @@ class PriorTable(TomlTable):
         """z of values of the parameter, at most ±7.5; NaN of those beyond its bounds."""
         from scipy.special import ndtr, ndtri
 
-        low, high, median = self._scaled
+        low, high, median = self._bounds
         with np.errstate(invalid="ignore", divide="ignore"):
             value = np.log(theta) if self.kind.startswith("log") else np.asarray(theta, dtype=float)
         reach = 1e-9 * (1 + np.abs(value))
@@ -365,7 +365,7 @@ class PriorTable(TomlTable):
         """The values of the parameter that have these z."""
         from scipy.special import ndtr, ndtri
 
-        low, high, median = self._scaled
+        low, high, median = self._bounds
         share = ndtr(np.clip(np.asarray(z, dtype=float), -_FAR, _FAR))
         if self.deviation is None:
             value = low + (high - low) * share
@@ -375,7 +375,7 @@ class PriorTable(TomlTable):
         return np.asarray(np.exp(value) if self.kind.startswith("log") else value)
 
     @property
-    def _scaled(self) -> Iterator[float]:
+    def _bounds(self) -> Iterator[float]:
         """Low, high and median, or their logarithms; infinite where there is no bound."""
         for value, none in ((self.low, -np.inf), (self.high, np.inf), (self.median, 0.0)):
             yield none if value is None else float(np.log(value)) if self.kind.startswith("log") else value

@@ -12,10 +12,9 @@ What the engine passes of outputs (and states of the controller) on the way is m
 read later, and in which guards and faces are looked for: through values at nodes, each by a polynomial of degree seven
 through the samples around it, with an error of order eight in their spacing.
 
-A fall is noticed where a step ends, of an adapted one also at its samples and rows.
+A fall is noticed where a step ends, or at samples and rows of an adapted one.
 
-Recurring arguments are those of :mod:`icmj.engine.native.state` and :mod:`icmj.simulation.taps`, and ``reader``
-and ``track``.
+Recurring arguments are those of :mod:`icmj.engine.native.state` and :mod:`icmj.simulation.taps`; reader and track.
 """
 
 # numba rewrites calls of types, which type checkers cannot see
@@ -532,7 +531,8 @@ def _travel(f):  # type: ignore[no-untyped-def]
             track.marks[1], track.marks[3] = _ENDING, status
             if reader.joint:
                 if end > t and status in (_RUNNING, _FELL):
-                    track.t[1] = end = time[0]  # where it fell, if it did
+                    track.marks[0] = track.marks[0] if time[0] == end else -1  # not reached by what fell before
+                    track.t[1] = end = time[0]
                     _curve(taps, now, track)
                 elif end == t:  # outputs and state where it is are all that there is
                     _sample(engine, reader, track, t)
