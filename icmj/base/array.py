@@ -53,6 +53,8 @@ Seed = Annotated[int, Ge(0), Le(2**63 - 1)]
 
 SAME = 1e-9
 """How far numbers may be apart, relative to them, and count as equal: rounding, with room for other processors."""
+SEMIDEFINITE = 1e-12
+"""How far below zero an eigenvalue of :func:`balanced_modes` may lie, by rounding, for a semidefinite matrix."""
 _LAST_BITS = 16 * np.finfo(float).eps
 """How far an instant may be from itself, relative to it, as the sum or product of two others: 3 · 0.1 is not 0.3."""
 
@@ -133,6 +135,23 @@ def real(given: ArrayLike, what: str, error: type[Exception]) -> Array:
         raise error(
             f"{what} is not a matrix: rows differ in length, or contain a value that is not a number"
         ) from reason
+
+
+def balanced_modes(W: Array) -> tuple[Array, Array, Array]:
+    """Scales s, eigenvalues λ and eigenvectors V of a symmetric matrix in the units of its diagonal, W = S V Λ VᵀS.
+
+    There Λ does not depend on the units of the coordinates, so a weight that is small only by its unit is not lost in
+    the rounding of others; its smallest entry tells whether W is semidefinite. S = diag(s), Λ = diag(λ).
+
+    Args:
+        W: shape (n, n).
+
+    Returns:
+        s, λ in ascending order and V by columns; shapes (n,), (n,), (n, n).
+    """
+    diagonal = np.abs(np.diag(W))
+    scales = np.sqrt(np.where(diagonal > 0, diagonal, np.abs(W).max(initial=0.0) or 1.0))
+    return scales, *np.linalg.eigh(W / scales / scales[:, None])
 
 
 def naturals(given: object, what: str, error: type[Exception]) -> NDArray[np.int64]:

@@ -26,7 +26,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from icmj.base.array import Array, real
+from icmj.base.array import SEMIDEFINITE, Array, balanced_modes, real
 from icmj.base.process import limit_to_one_thread
 from icmj.base.text import one_line
 from icmj.errors import AnalysisError, DesignError
@@ -154,13 +154,13 @@ def _square(weight: ArrayLike, size: int, name: str) -> Array:
 
 
 def _semidefinite(W: Array, name: str) -> Array:
-    if np.linalg.eigvalsh(W)[0] < -1e-12 * np.abs(W).max():
+    if balanced_modes(W)[1][0] < -SEMIDEFINITE:
         raise DesignError(f"weight {name} has a negative eigenvalue; it must not reward what it weighs")
     return W
 
 
 def _definite(W: Array, name: str) -> Array:
-    if not np.linalg.eigvalsh(W)[0] > 0:
+    if not balanced_modes(W)[1][0] > 0:
         raise DesignError(f"weight {name} must be positive in every direction; it has an eigenvalue that is not")
     return W
 

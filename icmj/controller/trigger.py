@@ -29,13 +29,14 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, real
+from icmj.base.array import SEMIDEFINITE, Array, balanced_modes, real
 from icmj.errors import AnalysisError
 from icmj.work.own_code import Fact, digest_of, plain, reference_of
 
 if TYPE_CHECKING:
     from icmj.controller.design import Design
 
+_NO_WEIGHT = 8 * np.finfo(float).eps  # times the states: an eigenvalue of a balanced weight that is rounding
 Kind = Literal["event", "clock", "continuous", "switching"]
 
 
@@ -241,7 +242,7 @@ class EventTrigger(EventRule):
         if Q.ndim != 2 or Q.shape[0] != Q.shape[1] or not np.isfinite(Q).all():
             raise AnalysisError(f"Q_t must be a finite square matrix, got shape {Q.shape}")
         Q = (Q + Q.T) / 2
-        if np.linalg.eigvalsh(Q)[0] < -1e-12 * max(np.abs(Q).max(), 1e-300):
+        if balanced_modes(Q)[1][0] < -SEMIDEFINITE:
             raise AnalysisError("Q_t must be positive semidefinite; it has a negative eigenvalue")
         if not np.any(Q):
             raise AnalysisError("Q_t is zero: no hold error would ever be an event; weight at least one state")
@@ -260,9 +261,9 @@ class EventTrigger(EventRule):
     def faces(self, design: Design) -> Faces:
         if self.Q_t.shape != (design.plant.n, design.plant.n):
             raise AnalysisError(f"Q_t has shape {self.Q_t.shape}; the hold has {design.plant.n} states")
-        values, vectors = np.linalg.eigh(self.Q_t)
-        kept = values > 1e-15 * max(values[-1], 1e-300)
-        root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
+        scales, values, vectors = balanced_modes(self.Q_t)
+        kept = values > _NO_WEIGHT * len(values) * values[-1]
+        root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T * scales
         return Faces(root / self.q_t, np.array([0, len(root)]), self.q_t**2)
 
     def facts(self) -> Mapping[str, Any]:

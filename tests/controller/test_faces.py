@@ -1,11 +1,14 @@
 """The event function: its value, rates, gradient and polynomials against each other's definitions and differences."""
 
+from fractions import Fraction
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from icmj import Design, LinearPlant
+from icmj import Design, LinearPlant, design_lq, load_run, prepare, simulate
 from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, Faces
-from icmj.errors import AnalysisError
+from icmj.errors import AnalysisError, DesignError
 
 
 def design(n: int) -> Design:
@@ -61,6 +64,83 @@ def test_polynomials_are_exact_along_polynomial_motions(seed: int) -> None:
     for s in (0.0, 0.3, 1.0):
         e = sum(c * s**i for i, c in enumerate(motion))
         np.testing.assert_allclose(sum(c * s**i for i, c in enumerate(levels)), found.levels(e), rtol=1e-11, atol=1e-11)
+
+
+def exactly(Q: np.ndarray, e: np.ndarray) -> Fraction:
+    """eᵀQe of these very numbers."""
+    rows = [[Fraction(q) for q in row] for row in Q.tolist()]
+    at = [Fraction(x) for x in e.tolist()]
+    return sum((a * q * b for a, row in zip(at, rows, strict=True) for q, b in zip(row, at, strict=True)), Fraction(0))
+
+
+@pytest.mark.parametrize("spread", [0, 2, 4, 8])
+def test_units_of_the_states_do_not_matter_to_a_face(spread: int) -> None:
+    """Q_t of a full rank and of less, in units up to 10^±8 of others; error by its rounding, relative to |e| there."""
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        n = int(random.integers(1, 7))
+        W = random.standard_normal((int(random.integers(1, 2 * n + 1)), n)) * 10.0 ** random.uniform(-spread, spread, n)
+        rule = EventTrigger(W.T @ W, float(10.0 ** random.uniform(-3, 3)))
+        found = rule.faces(design(n))
+        assert found.R.shape == (min(W.shape), n)
+        for e in random.standard_normal((4, n)) / np.sqrt(np.diag(rule.Q_t)):
+            level = exactly(rule.Q_t, e)
+            off = Fraction(float(found.squares(found.R @ e)[0] * rule.q_t**2)) - level
+            assert abs(off) < 1e-14 * n * (e**2 @ np.diag(rule.Q_t))
+            if len(W) > n:  # no direction has hardly a weight
+                assert abs(off) < 1e-12 * level
+
+
+@pytest.mark.parametrize("Q_t", [[[1e8, 0], [0, -1e-8]], [[1e8, 2], [2, 1e-8]]])
+def test_a_weight_that_is_negative_in_small_units_is_refused(Q_t: list[list[float]]) -> None:
+    with pytest.raises(AnalysisError, match="negative eigenvalue"):
+        EventTrigger(np.array(Q_t), 0.01)
+    with pytest.raises(DesignError, match="negative eigenvalue"):
+        design_lq(LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]]), Q_c=Q_t, R_c=0.1, R_o=0.01)
+
+
+POLES = """
+<mujoco model="poles">
+  <compiler angle="radian"/>
+  <option timestep="0.005" integrator="RK4"><flag contact="disable"/></option>
+  <worldbody>
+    <body name="a"><joint name="a" axis="0 1 0"/><inertial pos="0 0 1" mass="1" diaginertia="0.1 0.1 0.1"/></body>
+    <body name="b"><joint name="b" axis="0 1 0"/><inertial pos="0 0 1" mass="1" diaginertia="0.1 0.1 0.1"/></body>
+  </worldbody>
+  <actuator><motor name="left" joint="a"/><motor name="right" joint="b"/></actuator>
+  <sensor><jointpos name="left" joint="a"/><jointpos name="right" joint="b"/></sensor>
+</mujoco>"""
+RUN = """
+[case]
+name = "poles"
+title = "Two poles, of which one stands"
+[assumed]
+model = "poles.xml"
+[actual]
+gain = 0.9
+[design]
+R_c = 0.1
+R_o = 0.01
+[controller]
+Q_t = [1e8, 1e-8, 1e8, 1e-8]
+q_t = 1e-6
+delta_min = 0.01
+[simulation]
+duration = 5.0
+initial = { b = 0.002 }
+timestep = 0.005
+"""
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_events_come_of_a_state_whose_weight_is_small(plant: str, tmp_path: Path) -> None:
+    """Of two poles the one that is weighted little alone moves: its error never passes the threshold."""
+    (tmp_path / "poles.xml").write_text(POLES, encoding="utf-8")
+    (tmp_path / "run.toml").write_text(RUN, encoding="utf-8")
+    run = simulate(prepare(load_run(tmp_path / "run.toml")), plant)
+    level = (run.x_h - run.x_o) ** 2 @ np.array([1e8, 1e-8, 1e8, 1e-8])
+    assert len(run.events) > 3
+    assert 0.9 < level.max() / 1e-12 < 1 + 1e-9
 
 
 def test_without_a_rule_there_is_no_event_function() -> None:
