@@ -226,6 +226,9 @@ def _steady_states(plant: LinearPlant, rows: Mapping[str, Array]) -> tuple[Array
     """x_ss and u_ss of A x + B u = 0, C_r x = 1 of one target and 0 of the others."""
     C_r, n, n_u = np.array(list(rows.values())).reshape(-1, plant.n), plant.n, plant.n_u
     whole = np.block([[plant.A, plant.B], [C_r, np.zeros((len(C_r), n_u))]])
+    states, commands = (np.abs(part).max(axis=1, initial=0.0) for part in (whole[:, :n], whole[:, n:]))
+    unit = np.max(commands[states > 0] / states[states > 0], initial=0.0) or 1.0  # commands count as much as states
+    whole[:, n:] /= unit
     scale = np.maximum(np.abs(whole).max(axis=1), 1e-300)
     whole = whole / scale[:, None]
     wanted = np.vstack([np.zeros((n, len(C_r))), np.diag(1 / scale[n:])])
@@ -240,8 +243,11 @@ def _steady_states(plant: LinearPlant, rows: Mapping[str, Array]) -> tuple[Array
                 f"more set-points than its {n_u} inputs can hold"
             )
     free = Vt[rank:].T
-    found = found - free @ np.linalg.lstsq(free[n:], found[n:], rcond=_REST)[0] if free.size else found
-    return found[:n], found[n:]
+    # a coordinate at which the plant is at rest anywhere needs no command; the one that it has here is rounding
+    V, command, Wt = np.linalg.svd(free[n:], full_matrices=False)
+    used = command > max(_REST, 16 * np.finfo(float).eps * s[0] / s[rank - 1])
+    found = found - free @ (Wt[used].T @ ((V[:, used].T @ found[n:]) / command[used, None]))
+    return found[:n], found[n:] / unit
 
 
 DIRECTIONS = {"same": 1.0, "reversal": -2.0}  # size of the second step in first ones

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_cases import two
 
 import icmj
 from icmj import compose_run, load_run, prepare, simulate
@@ -228,3 +229,37 @@ def test_a_sampling_delay_is_logged_told_of_and_no_cycle_is_sought_with_it(root,
     text = compose_run(made.actual.linearisation.plant, made.controller, name="again").text
     assert "sampling_delay = 0.05" in text
     assert prepare(icmj.parse_run(text, tmp_path / "again.toml")).controller.sampling_delay == 0.05
+
+
+CART = """
+[case]
+name = "cart"
+title = "A pole on a cart, both driven"
+[assumed]
+model = "two.xml"
+[design]
+R_c = 0.1
+R_o = 0.01
+[controller]
+q_t = 1e-4
+delta_min = 0.01
+[simulation]
+duration = 20.0
+[[setpoint]]
+output = "angle"
+kind = "step"
+size = 0.01
+"""
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_it_is_held_where_a_coordinate_is_free(plant, tmp_path) -> None:
+    """The pole leans at 0.01 rad wherever the cart is; the torque is that of its weight, 9.81 N · 0.5 m / 20."""
+    two(tmp_path)
+    (tmp_path / "run.toml").write_text(CART, encoding="utf-8")
+    case = prepare(load_run(tmp_path / "run.toml"))
+    np.testing.assert_allclose(case.setpoint.x_ss[:, 0], [0, 1, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(case.setpoint.u_ss[:, 0], [0, -9.81 * 0.5 / 20], atol=1e-8)
+    run = simulate(case, plant)
+    assert run.outcome.kind == "completed"
+    np.testing.assert_allclose(run.y[-1], [0, 0.01], atol=2e-4)

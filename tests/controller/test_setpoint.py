@@ -97,3 +97,37 @@ def test_parts_of_one_name_are_added_and_others_are_channels() -> None:
 def test_what_it_cannot_be_is_refused(targets, words) -> None:
     with pytest.raises(AnalysisError, match=words):
         setpoint(linear_cases.PENDULUM, targets)
+
+
+def neutral_plant(seed: int) -> tuple[LinearPlant, np.ndarray]:
+    """A random plant at rest anywhere along a coordinate that its output does not see; and that coordinate."""
+    random = np.random.default_rng(seed)
+    n, n_u = int(random.integers(2, 7)), int(random.integers(2, 4))
+    A, B, C = (random.standard_normal(shape) for shape in ((n, n), (n, n_u), (1, n)))
+    free = random.standard_normal((n, 1))
+    free /= np.linalg.norm(free)
+    return LinearPlant(A - A @ free @ free.T, B * 10.0 ** random.integers(-6, 7), C - C @ free @ free.T), free
+
+
+@pytest.mark.parametrize("first", [0, pytest.param(100, marks=pytest.mark.slow)])
+def test_a_coordinate_that_is_at_rest_anywhere_needs_no_command(first) -> None:
+    """The steady state is that of the plant without the coordinate, of least command, by Lagrange's multipliers."""
+    for seed in range(first, 100 if not first else 1000):
+        plant, free = neutral_plant(seed)
+        found = setpoint(plant, [Target({plant.outputs[0]: 1.0}, step(1.0))])
+        across = np.linalg.svd(free)[0][:, 1:]
+        b = 1 / np.abs(plant.B).max()
+        M = np.vstack(
+            [np.hstack([plant.A @ across, plant.B * b]), np.hstack([plant.C @ across, np.zeros((1, plant.n_u))])]
+        )
+        rows, columns = M.shape
+        KKT = np.block([[np.diag(np.arange(columns) >= plant.n - 1), M.T], [M, np.zeros((rows, rows))]])
+        best = np.linalg.solve(KKT, np.eye(columns + rows)[-1])[:columns]
+        x, u = across @ best[: plant.n - 1], best[plant.n - 1 :]
+        largest = np.abs(best).max()
+        rounding = 1e-15 * np.linalg.cond(KKT) * largest
+        np.testing.assert_allclose(found.x_ss[:, 0], x, rtol=0, atol=rounding + 1e-10 * largest)
+        np.testing.assert_allclose(found.u_ss[:, 0] / b, u, rtol=0, atol=rounding + 1e-10 * largest)
+        rest = plant.A @ found.x_ss + plant.B @ found.u_ss
+        assert np.abs(rest).max() < 1e-10 * (1 + largest)
+        assert plant.C @ found.x_ss == pytest.approx(np.ones((1, 1)), abs=1e-10 * (1 + largest))
