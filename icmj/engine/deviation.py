@@ -18,8 +18,9 @@ from icmj.errors import ModelError
 from icmj.plant.body import ANKLE_HEIGHT, SEGMENTS, Change, Person, What
 
 
-def freeze_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+def write_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
     """Write the inertia of ``model``, as which the spec compiles, into every body, to be changed without its geoms."""
+    model = _as_written(spec, model)
     for body in spec.bodies:
         index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body.name) if body.name else int(body.id)
         if index <= 0 or not model.body_mass[index] > 0:
@@ -29,15 +30,104 @@ def freeze_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
         body.ipos, body.iquat = model.body_ipos[index], model.body_iquat[index]
         body.fullinertia = [np.nan, 0, 0, 0, 0, 0]
         body.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
-    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
-    spec.compiler.settotalmass = -1
+    compiler = spec.compiler
+    compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+    # what these do is done, and would undo a change
+    compiler.settotalmass, compiler.boundmass, compiler.boundinertia, compiler.balanceinertia = -1, 0, 0, False
+
+
+def _as_written(spec: mujoco.MjSpec, model: mujoco.MjModel) -> mujoco.MjModel:
+    """``model`` with free bodies in the frames of the file: another, where the compiler aligns some with inertia."""
+    no, by_default = mujoco.mjtAlignFree.mjALIGNFREE_FALSE, mujoco.mjtAlignFree.mjALIGNFREE_AUTO
+    if not spec.compiler.alignfree and all(joint.align in (no, by_default) for joint in spec.joints):
+        return model
+    plain = spec.copy()
+    plain.compiler.alignfree = False
+    for joint in plain.joints:
+        joint.align = no
+    return plain.compile()
+
+
+ANCHOR = "icmj_anchor"
+
+
+def write_derived(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """Write what the compiler derives of inertia, lengths and ranges into the spec, as ``model`` has it.
+
+    A change then leaves it as it was: the stiffness of joints with ``springdamper``, the damping of servos with
+    ``dampratio``, the peak force of muscles without ``force``, length ranges, inherited ranges of control, rest lengths
+    of tendons, and where welds and connections hold. What keeps following inertia is how soft a constraint is, which
+    the engine defines relative to it. ``model`` is what the spec compiles to.
+    """
+    for i, joint in enumerate(spec.joints):
+        if joint.springdamper[0] > 0:
+            dof = model.jnt_dofadr[i]
+            joint.stiffness = [model.jnt_stiffness[i], *np.asarray(joint.stiffness)[1:]]
+            joint.damping = [model.dof_damping[dof], *np.asarray(joint.damping)[1:]]
+            joint.springdamper = [0, 0]
+    for i, tendon in enumerate(spec.tendons):
+        tendon.springlength = model.tendon_lengthspring[i]
+    for i, actuator in enumerate(spec.actuators):
+        _write_actuator(actuator, model, i)
+    spec.compiler.LRopt.useexisting = True
+    plain = _as_written(spec, model) if len(spec.equalities) else model
+    for i, equality in enumerate(spec.equalities):
+        if equality.objtype != mujoco.mjtObj.mjOBJ_BODY:
+            continue
+        if equality.type == mujoco.mjtEq.mjEQ_WELD:
+            equality.data = model.eq_data[i]
+        elif equality.type == mujoco.mjtEq.mjEQ_CONNECT:
+            _write_connection(spec, equality, model, plain, i)
+
+
+def _write_actuator(actuator: mujoco.MjsActuator, model: mujoco.MjModel, i: int) -> None:
+    first = int(model.actuator_outadr[i])
+    low, high = model.actuator_lengthrange[first]
+    if low < high:
+        actuator.lengthrange = [low, high]
+    if actuator.inheritrange > 0:
+        if actuator.dyntype == mujoco.mjtDyn.mjDYN_INTEGRATOR:
+            actuator.actrange = model.actuator_actrange[i]
+        else:
+            actuator.ctrlrange = model.actuator_ctrlrange[model.actuator_ctrladr[i]]
+        actuator.inheritrange = 0.0
+    gain, bias = model.actuator_gainprm[i].copy(), model.actuator_biasprm[i].copy()
+    muscular = (
+        (gain, model.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_MUSCLE),
+        (bias, model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_MUSCLE),
+    )
+    for prm, is_muscle in muscular:
+        if is_muscle and prm[2] < 0:  # no peak force: it is the scale over the acceleration by a unit force
+            prm[2] = prm[3] / max(mujoco.mjMINVAL, model.actuator_acc0[first])
+    actuator.gainprm, actuator.biasprm = gain, bias
+
+
+def _write_connection(
+    spec: mujoco.MjSpec, equality: mujoco.MjsEquality, model: mujoco.MjModel, plain: mujoco.MjModel, i: int
+) -> None:
+    """Connect sites where the bodies are connected: the second place has no attribute of its own."""
+    ends = (equality.name1, int(model.eq_obj1id[i])), (equality.name2, int(model.eq_obj2id[i]))
+    names = []
+    for end, (name, body) in enumerate(ends):
+        place = model.eq_data[i, 3 * end : 3 * end + 3].copy()
+        if not np.array_equal(model.body_pos[body], plain.body_pos[body]):  # aligned: from its frame to the file's
+            turned, back = np.zeros(3), np.zeros(4)
+            mujoco.mju_rotVecQuat(turned, place, model.body_quat[body])
+            mujoco.mju_negQuat(back, plain.body_quat[body])
+            mujoco.mju_rotVecQuat(place, model.body_pos[body] + turned - plain.body_pos[body], back)
+        names.append(f"{ANCHOR}_{i}_{end}")
+        of = spec.body(name) if name and body else spec.worldbody
+        of.add_site(name=names[-1], pos=place, group=5)
+    equality.name1, equality.name2 = names
+    equality.objtype, equality.data = mujoco.mjtObj.mjOBJ_SITE, np.zeros_like(equality.data)
 
 
 def lengthen(body: mujoco.MjsBody, factor: float) -> None:
     """Scale everything placed in the body's frame about its origin; the mass stays, inertia scales with the square."""
-    for thing in (*body.bodies, *body.joints, *body.sites, *body.frames, *body.cameras, *body.lights):
+    sites = [site for site in body.sites if not site.name.startswith(ANCHOR)]
+    for thing in (*body.bodies, *body.joints, *sites, *body.frames, *body.cameras, *body.lights):
         thing.pos = np.asarray(thing.pos) * factor
-    for item in (*body.geoms, *body.sites):
+    for item in (*body.geoms, *sites):
         item.size = np.asarray(item.size) * factor
         item.fromto = np.asarray(item.fromto) * factor
     for geom in body.geoms:
@@ -85,8 +175,10 @@ class Deviation:
         """
         short = [Change("dynprm", actuator, value=tuple(values)) for actuator, values in self.dynprm.items()]
         inside = [change for change in (*short, *self.changes) if change.what not in _OUTSIDE]
-        if any(change.what in _INERTIAL for change in inside):
-            freeze_inertia(spec, model)
+        if inside or self.edit is not None:
+            write_derived(spec, model)
+        if self.edit is not None or any(change.what in _INERTIAL for change in inside):
+            write_inertia(spec, model)
         for change in inside:
             try:
                 _apply(spec, change, self.rho)
@@ -95,7 +187,6 @@ class Deviation:
             except ModelError as error:
                 raise ModelError(f"{name}: {error}") from error
         if self.edit is not None:
-            freeze_inertia(spec, spec.copy().compile() if inside else model)
             try:
                 self.edit(spec, self.rho)
             except Exception as error:  # whatever the user's code raises
@@ -229,7 +320,8 @@ def shape(spec: mujoco.MjSpec, model: mujoco.MjModel, person: Person, name: str)
     missing = [f"body {b!r}" for b in SEGMENTS if b not in bodies] + [f"joint {j!r}" for j in JOINTS if j not in joints]
     if missing:
         raise ModelError(f"{name}: a person is put into a model of shank, thigh and trunk; it has no {missing[0]}")
-    freeze_inertia(spec, model)
+    write_derived(spec, model)
+    write_inertia(spec, model)
     names = list(SEGMENTS)
     for body, above in zip(names, (*names[1:], None), strict=True):
         known = bodies[above].pos[2] if above else bodies[body].ipos[2]
