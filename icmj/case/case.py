@@ -49,6 +49,7 @@ from icmj.theory.delay_roots import loops_of, rightmost_roots
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.prediction import Prediction, predict, scaled
 
+DESIGN_FAILS = ("saturation", "uncontrollable", "unobservable")  # notices that say why there is no design
 SLOW = 0.25  # of the size of a noise: what a run may fall short of it without a word
 MANY = 20.0  # periods of the edge of its spectrum, beyond which no run falls short by so much
 
@@ -338,7 +339,7 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
         prediction = predict(system, rule, delta_max=run.analysis.delta_max, progress=progress)
         return Case(run, assumed, actual, controller, settings, rule, system, prediction, notices)
     except IcmjError as error:
-        reasons = [notice.words for notice in notices if notice.kind in ("uncontrollable", "unobservable")]
+        reasons = [notice.words for notice in notices if notice.kind in DESIGN_FAILS]
         why = "".join(f"; {words}" for words in reasons) if isinstance(error, DesignError) else ""
         begin = "" if str(error).startswith(f"{run.path}: ") else f"{run.path}: "
         raise type(error)(f"{begin}{error}{why}") from error

@@ -139,6 +139,8 @@ def plain_linearisation(linearisation: Linearisation, quality: Quality, told: It
                 "margins": quality.margins,
                 "room": quality.room,
                 "feedthrough": quality.feedthrough,
+                "excesses": quality.excesses,
+                "dead": quality.dead,
                 **{kind: getattr(quality, kind) for kind in MODES},
             },
             "notices": (*told, *quality.notices),

@@ -14,17 +14,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.engine.bounds import SORTS, Bound, impose, name_of, sort_bounds
 from icmj.engine.model import activation_rates, input_names, second_order_lag
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.pose import Dynamics
 from icmj.engine.safety import hush, install_callbacks
-from icmj.plant.quality import BENT, Kind, Notice
+from icmj.plant.quality import BENT, Notice
 from icmj.simulation.disturbance import Disturbance
 
 _SAMPLES = 64  # of a motion, beside those where a signal is largest
@@ -35,28 +35,6 @@ _WAYS = 16  # from rest that are followed
 _LEAP = 1e-4  # of the size of an answer: what is no rounding
 _CELLS, _FINER, _DEPTH = 16, 4, 4  # cells of the way from rest; into how many a cell is cut, and how often
 _END = "; the linear theory knows no limits"
-
-
-class _Limit(NamedTuple):
-    """An entry of an array of the model, and its value where it limits nothing."""
-
-    array: str
-    at: int
-    lifted: Array
-
-
-# arrays that limit a plant: the kind of the notice, what of the plant each entry belongs to, and words for it
-_LIMITS: dict[str, tuple[Kind, str, str]] = {
-    "actuator_ctrllimited": ("saturation", "actuator", "the ctrlrange of {}"),
-    "actuator_forcelimited": ("saturation", "actuator", "the forcerange of {}"),
-    "actuator_actlimited": ("saturation", "actuator", "the actrange of {}"),
-    "jnt_actfrclimited": ("saturation", "joint", "the actuatorfrcrange of joint {}"),
-    "tendon_actfrclimited": ("saturation", "tendon", "the actuatorfrcrange of tendon {}"),
-    "sensor_cutoff": ("saturation", "sensor", "the cutoff of sensor {}"),
-    "jnt_limited": ("joint limit", "joint", "an end of the range of joint {}"),
-    "tendon_limited": ("joint limit", "tendon", "an end of the range of tendon {}"),
-    "tendon_lengthspring": ("not linear", "tendon", "an end of the springlength of tendon {}"),
-}
 
 
 @hush()
@@ -78,9 +56,11 @@ def _corners(plant: MujocoPlant, x: Array, u: Array) -> Iterator[Notice]:
     few = np.unique(np.concatenate([even, signals.argmax(axis=0), signals.argmin(axis=0)]))
     engine, x, u = Dynamics(plant), x[few], u[few]
     try:
-        limits = _limits(engine)
+        ports = plant.linearisation.ports
+        # those that act at rest are in the linearisation, and are told with it
+        limits = sort_bounds(plant.model, plant.linearisation.point, ports.states, ports.entries)[0]
         yield from (_notice(plant, limit, x, u) for limit in _acting(engine, limits, x, u))
-        _impose(engine, limits)
+        impose(engine.model, plant.model, limits)
         yield from _elsewhere(engine, x, u)
     except mujoco.FatalError as error:
         yield Notice(
@@ -98,46 +78,14 @@ def _at_rest(engine: Dynamics) -> Array:
     return _answers(engine, np.zeros((1, plant.n)), np.zeros((1, plant.n_u)))[0]
 
 
-def _impose(engine: Dynamics, limits: Sequence[_Limit], *those: _Limit) -> None:
-    """Remove all limits except ``those``."""
-    for limit in limits:
-        there = any(limit is one for one in those)
-        value = getattr(engine.plant.model, limit.array)[limit.at] if there else limit.lifted
-        getattr(engine.model, limit.array)[limit.at] = value
-
-
-def _limits(engine: Dynamics) -> list[_Limit]:
-    """The limits of the model, without those that act at rest: they are in the linearisation."""
-    model, rest = engine.model, _at_rest(engine)
-    lengths = engine.data.ten_length.copy()
-    found = []
-    for array in _LIMITS:
-        entries = getattr(model, array)
-        if array != "tendon_lengthspring":
-            found += [_Limit(array, int(i), np.zeros(())) for i in np.flatnonzero(entries)]
-            continue
-        for i in np.flatnonzero(entries[:, 0] < entries[:, 1]):
-            low, high = entries[i]
-            slack = low <= lengths[i] <= high
-            end = low if lengths[i] < low else high
-            lifted = np.array([-mujoco.mjMAXVAL, mujoco.mjMAXVAL]) if slack else np.array([end, end])
-            found.append(_Limit(array, int(i), lifted))
-    quiet = []
-    for limit in found:
-        _impose(engine, [limit])
-        if (np.abs(_at_rest(engine) - rest) <= _SAME * (1 + np.abs(rest))).all():
-            quiet.append(limit)
-        _impose(engine, [limit], limit)
-    return quiet
-
-
-def _acting(engine: Dynamics, limits: Sequence[_Limit], x: Array, u: Array) -> Iterator[_Limit]:
+def _acting(engine: Dynamics, limits: Sequence[Bound], x: Array, u: Array) -> Iterator[Bound]:
     """The ``limits`` that change the rates or outputs."""
     if not limits:
         return
-    _impose(engine, limits)
+    model, original = engine.model, engine.plant.model
+    impose(model, original, limits)
     free = _answers(engine, x, u)
-    _impose(engine, limits, *limits)
+    impose(model, original, limits, *limits)
     bound = _answers(engine, x, u)
     same = _SAME * np.maximum(np.abs(free), np.abs(bound)).max(axis=0) + 1e-12
     there = (np.abs(bound - free) > same).any(axis=1)
@@ -145,16 +93,15 @@ def _acting(engine: Dynamics, limits: Sequence[_Limit], x: Array, u: Array) -> I
         return
     x, u, free = x[there], u[there], free[there]
     for limit in limits:
-        _impose(engine, limits, limit)
+        impose(model, original, limits, limit)
         if (np.abs(_answers(engine, x, u) - free) > same).any():
             yield limit
 
 
-def _notice(plant: MujocoPlant, limit: _Limit, x: Array, u: Array) -> Notice:
+def _notice(plant: MujocoPlant, limit: Bound, x: Array, u: Array) -> Notice:
     model, here, i = plant.model, plant.linearisation, limit.at
-    kind, sort, what = _LIMITS[limit.array]
-    name = input_names(model)[i] if sort == "actuator" else getattr(model, sort)(i).name or str(i)
-    words = f"the predicted orbit passes {what.format(name)}{_END}"
+    sort, name = SORTS[limit.array], name_of(model, limit)
+    words = f"the predicted orbit passes {sort.words.format(name)}{_END}"
     if limit.array == "actuator_ctrllimited":
         port = np.flatnonzero(here.ports.actuators == i)
         peak = float(np.abs(here.ports.b[port] * u[:, port]).max(initial=0.0))
@@ -165,7 +112,7 @@ def _notice(plant: MujocoPlant, limit: _Limit, x: Array, u: Array) -> Notice:
         peak = float(np.abs(x[:, here.plant.states.index(name)]).max())
         room = max(min(margin.down, margin.up), 0)
         words = f"the predicted orbit moves {name} by {peak:.3g}, and {room:.3g} are left to an end of its range{_END}"
-    return Notice(kind, "warning", words)
+    return Notice(sort.kind, "warning", words)
 
 
 def _elsewhere(engine: Dynamics, x: Array, u: Array) -> Iterator[Notice]:

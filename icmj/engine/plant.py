@@ -21,6 +21,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array, leading
+from icmj.engine.bounds import excesses
 from icmj.engine.deviation import Deviation
 from icmj.engine.linearisation import (
     EPS,
@@ -180,6 +181,8 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
         uncontrollable=quality.uncontrollable(plant),
         unobservable=quality.unobservable(plant),
         idle=quality.idle(plant),
+        excesses=excesses(model, point, kept, rows, columns),
+        dead=quality.dead(plant, _NO_SLOPE),
     )
 
 

@@ -208,6 +208,27 @@ class Margin:
 
 
 @dataclass(frozen=True)
+class Excess:
+    """A limit beyond which the operating point lies.
+
+    Attributes:
+        what: the limit, with its numbers.
+        kind: kind of the notice, such as ``saturation``.
+        inputs: the inputs of the actuator whose limit it is.
+    """
+
+    what: str
+    kind: Kind
+    inputs: tuple[str, ...] = ()
+
+
+def dead(plant: LinearPlant, least: float = 0.0) -> tuple[str, ...]:
+    """Inputs that move nothing: columns of B that are zero but for ``least``, the rounding of differences."""
+    size = np.abs(plant.B).max(axis=0, initial=0.0)
+    return tuple(name for name, largest in zip(plant.inputs, size, strict=True) if largest <= least)
+
+
+@dataclass(frozen=True)
 class Quality:
     """The quality of an operating point.
 
@@ -222,6 +243,8 @@ class Quality:
         feedthrough: outputs that depend directly on the inputs (D ≠ 0).
         neutral, uncontrollable, unobservable: such modes, by the names of their states.
         idle: states on which nothing depends.
+        excesses: limits beyond which the point lies.
+        dead: inputs that move nothing.
     """
 
     residual: Residual
@@ -236,6 +259,8 @@ class Quality:
     uncontrollable: tuple[Mode, ...] = ()
     unobservable: tuple[Mode, ...] = ()
     idle: tuple[str, ...] = ()
+    excesses: tuple[Excess, ...] = ()
+    dead: tuple[str, ...] = ()
 
     @property
     def at_rest(self) -> bool:
@@ -286,6 +311,16 @@ class Quality:
             letter, error = max(zip("ABC", self.errors, strict=True), key=lambda pair: pair[1])
             words = f"{letter} is right to {error:.1g} of its largest entry only; the plant is hardly smooth there"
             yield Notice("coarse derivatives", "warning", words)
+        for excess in self.excesses:
+            still = [name for name in self.dead if name in excess.inputs]
+            where = f", where {_list(tuple(still))} moves nothing" if still else ""
+            yield Notice(
+                excess.kind, "warning", f"the operating point is beyond {excess.what}{where}; operate it inside"
+            )
+        for name in self.dead:
+            if not any(name in excess.inputs for excess in self.excesses):
+                words = f"input {name!r} moves nothing (its column of B is zero); leave it out of inputs"
+                yield Notice("uncontrollable", "warning", words)
         for mode in self.uncontrollable:
             if not mode.stable:
                 yield Notice("uncontrollable", "warning", self._unmoved(mode))
@@ -368,4 +403,5 @@ class MatrixPlant:
             uncontrollable=uncontrollable(plant),
             unobservable=unobservable(plant),
             idle=idle(plant),
+            dead=dead(plant),
         )
