@@ -147,7 +147,7 @@ class Result(WithCard):
         law: amplitude law, of a run in MuJoCo.
         attractors: motions found from random initial states of the linear plant.
         scene: 3D poses at ``simulation.t``; ``None`` for plants without a body and when read back from a log.
-        provenance: versions, git state, platform, date.
+        provenance: versions, commit of the checkout around the run file (``git``), platform, date.
         notices: notices about plants and run, each once.
         measures: results of the user's own measures, by name.
         sway: measures of the centre of pressure, back to front [m, s], of a body of a person's size that noise moves,

@@ -9,7 +9,7 @@ A digest is there before its file is, so that a process that dies in between lea
 was before. A file may have several: any content that was written there is known. The folder may come from somebody
 else: no link is followed for writing, and whatever a file makes its reader raise ends in one line.
 
-What a result was made with: versions, git state, platform, date.
+What a result was made with: versions, the commit around the run file, platform, date.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shutil
-import subprocess
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
@@ -38,15 +38,17 @@ from icmj.errors import IcmjError
 PACKAGES = ("mujoco", "numpy", "scipy", "control", "numba", "rerun-sdk")
 DECISIVE = ("icmj", "mujoco", "numpy", "scipy", "numba", "pyarrow")
 """Those that decide the bits of results, and of their files."""
-_GIT_PATIENCE = 60.0  # s on the clock for one word of git
+_ENVIRONMENTS = ("pyvenv.cfg", "conda-meta")  # by which a folder of installed packages is known
+_LINKS = 6  # references that lead to a commit, one to the next
+_LONGEST_WORD, _MOST_REFERENCES = 10_000, 100e6  # bytes of a file with one reference, and of one with all
 
 
 def provenance(folder: Path) -> dict[str, str]:
-    """Facts that let someone repeat a run; ``folder`` is where the run file lies, its git state is taken."""
+    """Facts that let someone repeat a run; ``folder`` is where the run file lies."""
     facts = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "icmj": VERSION} | versions(PACKAGES)
     facts["python"] = platform.python_version()
     facts["platform"] = f"{platform.system()} {platform.machine()}"
-    facts["git"] = git_state(folder)
+    facts["git"] = find_commit(folder)
     return facts
 
 
@@ -66,33 +68,48 @@ def _version(package: str) -> str:
     return stated[0] if stated else found.version
 
 
-def git_state(folder: Path) -> str:
-    """Commit of the checkout around ``folder``, with ``+changes`` if tracked files differ; or ``no checkout``.
+def find_commit(folder: Path) -> str:
+    """The commit that is checked out around ``folder``; ``no checkout`` where there is none, ``unknown`` if unreadable.
 
-    Where git does not answer in time, as on a slow disk, the state is unknown, and this says so. A folder that the
-    checkout ignores is none of it: an environment there holds a package from elsewhere.
+    It is read from files. git itself is not run: it would run programs that a configuration beside somebody else's data
+    names. Whether files differ from the commit is therefore not said; logs and descriptions hold texts and digests. An
+    environment inside a checkout holds packages from elsewhere, and is none of it.
     """
-    try:
-        commit = _git(folder, "rev-parse", "HEAD")
-        if _ignored(folder):
-            return "no checkout"
-        return commit + (" +changes" if _git(folder, "status", "--porcelain", "--untracked-files=no") else "")
-    except subprocess.TimeoutExpired:
-        return f"unknown: git did not answer within {_GIT_PATIENCE:g} s"
-    except (OSError, subprocess.SubprocessError):
-        return "no checkout"
+    for place in (folder.resolve() / "any").parents:
+        if any(os.path.lexists(place / name) for name in _ENVIRONMENTS):
+            break
+        if os.path.lexists(place / ".git"):
+            try:
+                return _read_commit(place / ".git")
+            except (OSError, ValueError):  # damaged, without a commit, or with references in a database
+                return "unknown"
+    return "no checkout"
 
 
-def _ignored(folder: Path) -> bool:
-    try:
-        return bool(_git(folder, "check-ignore", "."))
-    except subprocess.CalledProcessError:  # how it says no
-        return False
+def _read_commit(git: Path) -> str:
+    """See git's documentation of its repository layout: ``.git`` may be a file, and a worktree shares references."""
+    if not git.is_dir():
+        git = git.parent / _read_word(git).removeprefix("gitdir: ")
+    common = git / _read_word(git / "commondir") if os.path.lexists(git / "commondir") else git
+    found = _read_word(git / "HEAD")
+    for _ in range(_LINKS):
+        if re.fullmatch(r"[0-9a-f]{40}([0-9a-f]{24})?", found):
+            return found
+        name = found.removeprefix("ref: ")
+        if not name.startswith("refs/") or ".." in name:
+            break
+        places = [place / name for place in (git, common) if (place / name).is_file()]
+        found = _read_word(places[0]) if places else _find_packed(common / "packed-refs", name)
+    raise ValueError(f"{git}: no commit")
 
 
-def _git(folder: Path, *words: str) -> str:
-    command = ["git", "-C", str(folder), *words]
-    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=_GIT_PATIENCE).stdout.strip()
+def _find_packed(path: Path, name: str) -> str:
+    lines = read_bytes(path, _MOST_REFERENCES).decode(errors="replace").splitlines()
+    return next((line.partition(" ")[0] for line in lines if line.endswith(f" {name}")), "")
+
+
+def _read_word(path: Path) -> str:
+    return os.fsdecode(read_bytes(path, _LONGEST_WORD)).rstrip("\r\n")
 
 
 SUMS = "SHA256SUMS"
