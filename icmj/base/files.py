@@ -27,6 +27,17 @@ _A_DAY = 86400.0  # [s]
 _PART = 1 << 20  # bytes that are read at a time
 
 
+_ENDS = (
+    ".csv", ".parquet", ".npz", ".rrd", ".html", ".htm", ".json", ".toml", ".xml", ".svg", ".pdf", ".png", ".txt",
+    ".nc", ".md", ".mot", ".sto", ".c3d", ".zip", ".log",
+)  # fmt: skip
+
+
+def is_file_name(path: Path) -> bool:
+    """Whether a name ends as those of files do; .9 and .wide end names of folders and cases, too."""
+    return path.suffix.lower() in _ENDS
+
+
 @contextmanager
 def whole(target: Path) -> Iterator[Path]:
     """A path beside ``target`` to write to; renamed to it if the block ends well, removed if it does not.

@@ -19,6 +19,54 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 
 import tyro
 
+from icmj.base.files import is_file_name
+from icmj.errors import IcmjError
+
+RESULTS = Path("runs/out")
+"""The folder of results where none is given."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """What an option names that is written: a note in its type, from which help and :func:`refuse_other_kind` say it.
+
+    Attributes:
+        suffixes: that a file may end in, the usual one first; empty for a folder.
+    """
+
+    suffixes: tuple[str, ...] = ()
+
+
+Folder = Annotated[Path, Target()]
+Page = Annotated[Path, Target((".html",))]
+
+
+def refuse_other_kind(command: object) -> None:
+    """See that no name of a folder that is written looks like that of a file, nor the reverse, unless it is there.
+
+    Raises:
+        IcmjError: one line that says what to give instead.
+    """
+    for name, hint in get_type_hints(type(command), include_extras=True).items():
+        path, target = getattr(command, name), _target(hint)
+        if target is None or path is None:
+            continue
+        option = f"--{name.replace('_', '-')} {path}"
+        if not target.suffixes and is_file_name(path) and not path.is_dir():
+            raise IcmjError(f"{option}: looks like a file, and a folder is meant; give one, such as {path.stem}")
+        if target.suffixes and (path.is_dir() or not (path.suffix or path.exists())):
+            at = path / name if path.is_dir() else path
+            such = " or ".join(f"{at}{suffix}" for suffix in target.suffixes)
+            raise IcmjError(f"{option}: looks like a folder, and a file is meant; give one, such as {such}")
+
+
+def _target(hint: Any) -> Target | None:
+    """The note on what is written in the type of an option, if there is one."""
+    if get_origin(hint) is Annotated:
+        hint, *notes = get_args(hint)
+        return next((note for note in notes if isinstance(note, Target)), None) or _target(hint)
+    return next(filter(None, map(_target, get_args(hint))), None) if get_origin(hint) in (Union, UnionType) else None
+
 
 @dataclass(frozen=True, kw_only=True)
 class General:
@@ -62,6 +110,8 @@ def _default(label: str) -> str:
 
 def _metavar(hint: Any) -> str | None:
     """Placeholder for the value of an optional option; ``None`` if tyro's own placeholder is right."""
+    if (target := _target(hint)) is not None:
+        return "FILE" if target.suffixes else "FOLDER"
     while get_origin(hint) is Annotated:
         if given := [note.metavar for note in get_args(hint)[1:] if getattr(note, "metavar", None)]:
             return str(given[0])
@@ -108,7 +158,7 @@ class New(Shared):
         "quiet_standing"
     )
     """Kind of experiment."""
-    out: Path | None = None
+    out: Annotated[Path, Target((".toml", ".csv"))] | None = None
     """File to write (default: the name of the model or kind, in this folder). An existing file is never overwritten."""
     keyframe: str | None = None
     """Keyframe of the operating point of a run (default: the first at which the model is at rest)."""
@@ -127,7 +177,7 @@ class Person(Shared):
     """Height of the person [m]."""
     mass: float = 80.0
     """Mass of the person [kg]."""
-    out: Path = Path("person.xml")
+    out: Annotated[Path, Target((".xml",))] = Path("person.xml")
     """MJCF file to write."""
 
 
@@ -154,7 +204,7 @@ class Linearise(Shared):
     """Print JSON instead of tables."""
     full: bool = False
     """Print the matrices even if they are large."""
-    out: Path | None = None
+    out: Annotated[Path, Target((".npz",))] | None = None
     """File (.npz) for A, B, C, poles, names and units."""
 
 
@@ -167,7 +217,7 @@ class Schema(Shared):
 
     kind: tyro.conf.Positional[Literal["run", "sweep", "experiment", "family"]] = "run"
     """Kind of file."""
-    out: Path | None = None
+    out: Annotated[Path, Target((".json",))] | None = None
     """File to write instead of printing."""
 
 
@@ -181,13 +231,15 @@ class Export(Shared):
     """
 
     log: tyro.conf.Positional[Path]
-    """Log to read."""
+    """Log to read, folder of logs, or name of a case with logs in runs/out."""
     to: Literal["csv", "parquet", "npz"] | None = None
     """Format (default: the one that --out ends in, else csv)."""
     rate: float | None = None
     """Rate of evenly spaced rows [Hz] (default: the rows as recorded, which include every event)."""
-    out: Path | None = None
-    """File to write (default: beside the log, with its name). The file of events has ".events" added to its name."""
+    out: Annotated[Path, Target((".csv", ".parquet", ".npz"))] | None = None
+    """File to write, for one log (default: beside the log, with its name). The file of events has ".events" added to
+    its name.
+    """
 
 
 @dataclass(frozen=True)
@@ -202,7 +254,7 @@ class Measure(Shared):
     """
 
     file: tyro.conf.Positional[Path]
-    """Log, or file of time series."""
+    """Log, folder of logs, name of a case with logs in runs/out, or file of time series."""
     columns: tuple[str, ...] = ()
     """Columns to measure (default: see above)."""
     rate: float | None = None
@@ -247,9 +299,9 @@ class Fit(Shared):
     """Rate of recordings without times [Hz]."""
     hold_out: int = 0
     """Number of trials of each person, counted from the last, that are predicted instead of fitted."""
-    out: Path = Path("runs/out/fit")
+    out: Folder = RESULTS / "fit"
     """Folder for posteriors (netCDF, for ArviZ), tables, figures and page. The same command resumes a fit."""
-    trained: Path = Path("runs/out/families")
+    trained: Folder = RESULTS / "families"
     """Folder for simulated and trained families, which are reused for all people."""
     simulations: int = 6000
     """Number of draws from the prior of each family that are simulated to train its network."""
@@ -276,7 +328,7 @@ class Sweep(Shared):
 
     sweep: tyro.conf.Positional[Path]
     """Sweep file, or name of a shipped sweep."""
-    out: Path | None = None
+    out: Folder | None = None
     """Folder for the results (default: runs/out/NAME). The same command resumes an interrupted sweep."""
     jobs: int | None = None
     """Number of local processes (default: one per core)."""
@@ -298,7 +350,7 @@ class Identify(Overrides):
     """
 
     motions: tyro.conf.Positional[tuple[Path, ...]]
-    """Logs, or files of event times or outputs."""
+    """Logs, folders of logs, names of cases with logs in runs/out, or files of event times or outputs."""
     run: Path | None = None
     """Run file that describes plant and controller (default: that of the log). Its value of the unknown is ignored."""
     unknown: str = "actual.gain"
@@ -328,7 +380,7 @@ class Experiment(Shared):
 
     experiment: tyro.conf.Positional[Path]
     """Experiment file, or name of a shipped experiment."""
-    out: Path | None = None
+    out: Folder | None = None
     """Folder for trials, results and figure (default: runs/out/NAME). The same command resumes an interrupted
     experiment.
     """
@@ -359,7 +411,7 @@ class Study(Overrides):
     """Run files, folders of run files, or names of shipped cases (default: the run files in the folder runs; if there
     are none, all shipped cases).
     """
-    out: Path = Path("runs/out")
+    out: Folder = RESULTS
     """Folder for the outputs."""
     jobs: int | None = None
     """Number of processes (default: one per core)."""
@@ -399,8 +451,8 @@ class Run(Overrides):
     """Run file, or name of a shipped case."""
     plant: Literal["linear", "mujoco"] | None = None
     """Plant to simulate (default: mujoco; linear if the run file gives matrices)."""
-    out: Path = Path("runs/out")
-    """Folder for the log."""
+    out: Folder = RESULTS
+    """Folder for the log, which is named CASE.PLANT.rrd."""
     study: bool = False
     """Also compute what icmj study computes beside a prediction."""
     yes: bool = False
@@ -451,7 +503,7 @@ class Continue(Overrides):
     """Minimum number of cycles on a branch that spans the whole range."""
     branches: bool = False
     """Also follow the branches that bifurcate from this one."""
-    out: Path = Path("runs/out")
+    out: Folder = RESULTS
     """Folder for the branches (Parquet, logs) and figures (PDF, SVG)."""
 
 
@@ -463,9 +515,13 @@ class Report(Shared):
     """
 
     logs: tyro.conf.Positional[tuple[Path, ...]]
-    """Logs, folders of sweeps, or branches of cycles (Parquet). Logs of one case on both plants are shown together."""
-    out: Path = Path("report.html")
-    """HTML page to write; its figures go into a folder beside it."""
+    """Logs, folders of logs or of sweeps, names of cases with logs in runs/out, or branches of cycles (Parquet). Logs
+    of one case on both plants are shown together.
+    """
+    out: Page | None = None
+    """HTML page to write; its figures go into a folder beside it (default: report.html, in the folder of logs if one is
+    given).
+    """
     json: bool = False
     """Print JSON instead of a table."""
 
@@ -478,10 +534,12 @@ class Replay(Shared):
     """
 
     log: tyro.conf.Positional[Path]
-    """Log to show. A truncated log is shown as far as it can be read."""
+    """Log to show, folder of logs, or name of a case with logs in runs/out; a picture is of one log, of a case that in
+    MuJoCo. A truncated log is shown as far as it can be read.
+    """
     web: bool = False
     """Serve the log to a browser on this machine (loopback address only), and print the address."""
-    screenshot: Path | None = None
+    screenshot: Annotated[Path, Target((".png",))] | None = None
     """PNG file to render; no screen is needed."""
     time: float | None = None
     """Time of the screenshot [s]."""
@@ -498,7 +556,7 @@ class Live(Overrides):
 
     run: tyro.conf.Positional[Path]
     """Run file, or name of a shipped case."""
-    out: Annotated[Path, tyro.conf.arg(aliases=("-o",))] = Path("live.html")
+    out: Annotated[Page, tyro.conf.arg(aliases=("-o",))] = Path("live.html")
     """HTML page to write."""
 
 

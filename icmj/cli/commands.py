@@ -8,6 +8,7 @@ What ``icmj sweep`` does and shows.
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import nullcontext
 from functools import singledispatch
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
@@ -49,9 +50,7 @@ def execute(command: object) -> None:
 execute.register(files.cases)
 execute.register(files.new)
 execute.register(files.schema)
-execute.register(files.export)
 execute.register(files.measure)
-execute.register(files.replay)
 execute.register(files.experiment)
 execute.register(files.fit)
 
@@ -233,27 +232,82 @@ def live(command: arguments.Live) -> None:
 def report(command: arguments.Report) -> None:
     """Build the report page from logs."""
     from icmj.cycle.branch import branches_among
+    from icmj.log.reader import find_logs
     from icmj.study.study import report as build
     from icmj.work.workers import Workers, processors
 
-    replaceable(command.out)
+    swept = [path for path in command.logs if (path / "sweep.json").exists()]
+    others = [path for path in command.logs if path not in swept]
+    home = others[0] if len(others) == 1 and others[0].is_dir() else Path()
+    out = home / "report.html" if command.out is None else command.out
+    replaceable(out)
     with Working(label := "building the report", ERR) as working, Workers(processors()) as workers:
-        folders = [path for path in command.logs if path.is_dir()]
         sweeps = []
-        if folders:
+        if swept:
             from icmj.study.sweep import read_sweep
 
-            sweeps = [read_sweep(folder) for folder in folders]
-        branches, logs = branches_among([path for path in command.logs if path not in folders])
+            sweeps = [read_sweep(folder) for folder in swept]
+        branches, logs = branches_among(find_logs(others, arguments.RESULTS))
         page = build(
-            logs, command.out, sweeps=sweeps, branches=branches, workers=workers,
+            logs, out, sweeps=sweeps, branches=branches, workers=workers,
             progress=lambda done: working.tell(label, done),
         )  # fmt: skip
     if command.json:
-        OUT.show(plain_runs((*page.comparisons, *page.others), report=command.out))
+        OUT.show(plain_runs((*page.comparisons, *page.others), report=out))
         return
     _tell_page(page)
-    OUT.say(f"report  {command.out}", wrap=False)
+    OUT.say(f"report  {out}", wrap=False)
+
+
+@execute.register
+def export(command: arguments.Export) -> None:
+    """Write rows and events of logs, say where they are."""
+    from icmj.errors import DataError
+    from icmj.log.reader import find_logs
+
+    logs = find_logs([command.log], arguments.RESULTS)
+    if len(logs) > 1 and command.out is not None:
+        raise DataError(
+            f"--out {command.out}: {len(logs)} logs are exported, each beside itself; give one, or no --out"
+        )
+    for log in logs:
+        _export(log, command)
+
+
+def _export(log: Path, command: arguments.Export) -> None:
+    from icmj.errors import DataError
+    from icmj.log.reader import read_log
+    from icmj.series.reading import FORMATS, write_series
+
+    out = log.with_suffix(f".{command.to or 'csv'}") if command.out is None else command.out
+    if out.suffix not in ([f".{command.to}"] if command.to else FORMATS):
+        expected = f".{command.to}, as --to says" if command.to else ", ".join(FORMATS)
+        raise DataError(f"--out {out}: expected a name that ends in {expected}")
+    events_out = out.with_suffix(f".events{out.suffix}")
+    replaceable(out, events_out)
+    with Working(f"exporting {log.name}", ERR):
+        result = read_log(log)
+        rows, events = result.to_series(command.rate), result.events_to_series()
+        write_series(rows, out)
+        write_series(events, events_out)
+    for what, series, path in (("rows", rows, out), ("events", events, events_out)):
+        size = f"{len(series)} rows, {len(series.names)} signals"
+        OUT.say(f"{what:<7} {path}  {size}", wrap=False)
+
+
+@execute.register
+def replay(command: arguments.Replay) -> None:
+    """Open or serve logs, or picture one."""
+    from icmj.log.reader import find_log, find_logs
+    from icmj.log.reader import replay as show
+
+    logs = (
+        [find_log(command.log, arguments.RESULTS)]
+        if command.screenshot
+        else find_logs([command.log], arguments.RESULTS)
+    )
+    with Working(f"rendering {command.screenshot}", ERR) if command.screenshot else nullcontext():
+        show(*logs, web=command.web, screenshot=command.screenshot, time=command.time, say=ERR.say)
 
 
 @execute.register
@@ -319,13 +373,14 @@ def identify(command: arguments.Identify) -> None:
 def carry_out_identification(command: Identify, out: Terminal, err: Terminal) -> None:
     """Say of each motion which value of the unknown made it."""
     from icmj.fitting.identification import identify
+    from icmj.log.reader import find_logs
 
     if not command.motions:
         raise IdentificationError("no motion given: expected logs, or files of event times or outputs")
-    found = []
+    found, motions = [], find_logs(command.motions, arguments.RESULTS)
     with Working("identifying", err) as working:
-        for i, path in enumerate(command.motions):
-            working.tell(f"identifying from {path.name}", i / len(command.motions))
+        for i, path in enumerate(motions):
+            working.tell(f"identifying from {path.name}", i / len(motions))
             unknown, observed, plant = _read(command, path)
             observed = observed.with_errors(command.timing, command.reading)
             result = identify(unknown, observed, plant=plant)
@@ -399,7 +454,7 @@ def carry_out_sweep(command: Sweep, out: Terminal, err: Terminal) -> None:
         raise SweepError("--jobs and --dask: give one; the workers of a cluster are started with it")
     with Working("sweep", err) as working:
         plan = make_plan(command.sweep, allow_code=command.allow_code)
-        folder = command.out or Path("runs/out") / plan.file.sweep.name
+        folder = command.out or arguments.RESULTS / plan.file.sweep.name
         if command.dry_run:
             _cost(plan, out)
             return

@@ -115,8 +115,10 @@ def _obey(arguments: list[str]) -> int:
                 BAD_INPUT,
             )
         import icmj.cli.cycles  # noqa: F401, for the commands that it registers
+        from icmj.cli import arguments as given
         from icmj.cli import commands, terminal
 
+        given.refuse_other_kind(command)
         with terminal.talking(command.general.quiet, command.general.verbose):
             commands.execute(command)
         sys.stdout.flush()

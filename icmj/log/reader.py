@@ -20,23 +20,24 @@ import sys
 import tempfile
 import time as clock
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, get_args
 from urllib.parse import quote
 
 from icmj.base.array import between
-from icmj.base.files import replaceable, write_bytes
+from icmj.base.files import is_file_name, replaceable, write_bytes
 from icmj.base.process import interrupt_once, run_bounded, terminable
-from icmj.base.text import one_line
+from icmj.base.text import did_you_mean, one_line
+from icmj.case.case import PlantKind
 from icmj.case.result import Result
 from icmj.controller.controller import has_trigger
 from icmj.controller.trigger import RecordedRule
 from icmj.errors import IcmjError, LogError, RunFileError
 from icmj.log import archive
 from icmj.log.writer import ARCHIVE, FORMAT
-from icmj.work.own_code import Code
+from icmj.work.own_code import RUNS, Code
 
 LONGEST = 120.0  # s on the clock; a log of a gigabyte takes a few
 SECONDS, BYTES_A_SECOND = 5, 20_000_000  # of processor time; 240 MB take one second
@@ -284,20 +285,20 @@ def say_to_stderr(message: str) -> None:
 
 
 def replay(
-    path: Path | str,
-    *,
+    *paths: Path | str,
     web: bool = False,
     screenshot: Path | str | None = None,
     time: float | None = None,
     size: tuple[int, int] = (1920, 1200),
     say: Say = say_to_stderr,
 ) -> None:
-    """Show a log in its stored layout; returns when the viewer is closed, or the picture is written.
+    """Show logs in their stored layout; returns when the viewer is closed, or the picture is written.
 
     Args:
-        path: the log. One that was cut short is salvaged first, into a temporary copy, and ``say`` is told.
-        web: serve it to a browser on this machine (until interrupted) and say the address.
-        screenshot: render without a screen to this PNG file, which appears only when complete.
+        paths: the logs, which the viewer lists. One that was cut short is salvaged first, into a temporary copy, and
+            ``say`` is told.
+        web: serve them to a browser on this machine (until interrupted) and say the address.
+        screenshot: render without a screen to this PNG file, which appears only when complete; of one log.
         time: instant to show in the screenshot [s]; nine tenths into the run if ``None``.
         size: width and height of the screenshot, in pixels.
         say: takes messages for people.
@@ -305,14 +306,69 @@ def replay(
     Raises:
         LogError: if there is no such log, nothing can be salvaged, or the viewer cannot run here.
     """
-    path = Path(path)
-    with _sound(path, say) as log:
+    if not paths or (screenshot is not None and len(paths) > 1):
+        raise LogError(f"{len(paths)} logs to replay; expected {'one for a picture' if paths else 'at least one'}")
+    with contextlib.ExitStack() as stack:
+        logs = [stack.enter_context(_sound(Path(path), say)) for path in paths]
         if screenshot is not None:
-            _screenshot(log, Path(screenshot), time, size)
+            _screenshot(logs[0], Path(screenshot), time, size)
         elif web:
-            _serve(log, say)
+            _serve(logs, say)
         else:
-            _view(log)
+            _view(logs)
+
+
+def is_log(path: Path) -> bool:
+    """Whether a file is a log of icmj, or may have been one before it was damaged."""
+    try:
+        return "run_file" in read_summary(path)
+    except LogError as error:
+        return isinstance(error, DamagedLog)
+
+
+def find_logs(paths: Sequence[Path], results: Path) -> list[Path]:
+    """The files that are meant where logs are named, each once: what every command asks.
+
+    A folder means the logs in it, but no recording of a branch. A name of which there is no file means the logs of the
+    case of this name in the folder ``results``, on one plant or both. Any other path means itself, there or not.
+
+    Raises:
+        LogError: if a folder has no log, or there is neither a file nor a case of a name.
+    """
+    found: dict[Path, None] = {}
+    for path in paths:
+        found |= dict.fromkeys(_logs_of(path, results))
+    return list(found)
+
+
+def find_log(path: Path, results: Path) -> Path:
+    """The one file that is meant by :func:`find_logs`; of a case on both plants, its log in MuJoCo.
+
+    Raises:
+        LogError: as :func:`find_logs`, or if several are meant.
+    """
+    found = find_logs([path], results)
+    if len(found) > 1 and path.is_dir():
+        names = ", ".join(log.stem for log in found[:3]) + (", …" if len(found) > 3 else "")
+        raise LogError(f"{path}: {len(found)} logs ({names}), where one is needed; give the file of one")
+    return found[-1]
+
+
+def _logs_of(path: Path, results: Path) -> list[Path]:
+    if path.is_dir():
+        if not (found := [log for log in sorted(path.glob("*.rrd")) if is_log(log)]):
+            raise LogError(f"{path}: no such log; the folder has none; icmj run and icmj study write some")
+        return found
+    if len(path.parts) != 1 or is_file_name(path) or path.exists():
+        return [path]
+    plants = get_args(PlantKind)
+    named = [results / f"{path}{end}.rrd" for end in ("", *(f".{plant}" for plant in plants))]
+    if found := [log for log in named if log.is_file()]:
+        return found
+    cases = {log.stem.removesuffix(f".{plant}") for log in results.glob("*.rrd") for plant in plants}
+    writes = f"icmj run {path} writes one" if path.name in RUNS.files else "icmj run and icmj study write some there"
+    near = did_you_mean(str(path), sorted(cases)) or f"; {writes}"
+    raise LogError(f"{one_line(path, 80)}: no such log, nor one of a case of this name in {results}{near}")
 
 
 @contextlib.contextmanager
@@ -330,23 +386,24 @@ def _sound(path: Path, say: Say) -> Iterator[Path]:
         yield path
 
 
-def _view(log: Path) -> None:
+def _view(logs: Sequence[Path]) -> None:
     """The viewer in a window, until it is closed."""
-    with _running([*_base(_free_port()), str(log)]) as (process, messages):
+    with _running([*_base(_free_port()), *map(str, logs)]) as (process, messages):
         _await_end(process)
         if process.returncode not in (0, -2, -15):
             raise LogError(f"the viewer cannot open a window ({_reason(messages)}); try --web or --screenshot PNG")
 
 
-def _serve(log: Path, say: Say) -> None:
-    """The viewer's web page and the log behind it, on the loopback address, until interrupted."""
+def _serve(logs: Sequence[Path], say: Say) -> None:
+    """The viewer's web page and the logs behind it, on the loopback address, until interrupted."""
     port, web_port = _free_port(), _free_port()
-    command = [*_base(port), "--serve-web", "--web-viewer-port", str(web_port), str(log)]
+    command = [*_base(port), "--serve-web", "--web-viewer-port", str(web_port), *map(str, logs)]
     with _running(command) as (process, messages):
         for each in (port, web_port):
             _await_port(each, process, messages)
         data = quote(f"rerun+http://{LOOPBACK}:{port}/proxy", safe="")
-        say(f"serving {log.name} at http://{LOOPBACK}:{web_port}/?url={data} (stop with Ctrl-C)")
+        names = ", ".join(log.name for log in logs)
+        say(f"serving {names} at http://{LOOPBACK}:{web_port}/?url={data} (stop with Ctrl-C)")
         _await_end(process)
         if process.returncode not in (0, -2, -15):
             raise LogError(f"the web viewer stopped ({_reason(messages)})")
