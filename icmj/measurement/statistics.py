@@ -20,6 +20,7 @@ tail are no modes.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -29,7 +30,10 @@ from icmj.series.series import evenly
 from icmj.simulation.simulation import Simulation
 
 SEGMENTS = 4  # lengths of a segment in the signal; they overlap by half
-_SHARED = 1 / 36  # correlation of the powers of two Hann windows that overlap by half (Welch 1967)
+# correlation of the powers of two Hann windows that overlap by half (Welch 1967); at line 0, of windows without their
+# means, which are half a cosine each: (−1/2)²
+_SHARED, _SHARED_AT_ZERO = 1 / 36, 1 / 4
+_STILL = 1e-12  # of its largest value: a signal that changes by less is constant but for rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +44,8 @@ class Spectrum:
         frequency: [Hz], shape (F,), rising from 0.
         power: density [unit²/Hz], shape (F, w).
         low, high: its 95 % confidence interval, shape (F, w): each segment's power is as that of Gaussian noise, and
-            segments that overlap by half are almost independent.
+            segments that overlap by half are almost independent. At 0 Hz and at half the rate a segment has one degree
+            of freedom, elsewhere two.
     """
 
     frequency: Array
@@ -57,17 +62,53 @@ def spectrum(t: Array, values: Array, segments: int = SEGMENTS) -> Spectrum:
         values: shape (N, w).
         segments: lengths of a segment in the signal.
     """
-    from scipy.signal import welch
     from scipy.special import chdtri
 
     even, smooth = evenly(t, values)
+    smooth, step = level_still(smooth), float(even[-1] - even[0]) / (len(even) - 1)
     length = max(len(even) // segments, 2)
-    frequency, power = welch(smooth, 1 / (even[1] - even[0]), "hann", length, detrend="constant", axis=0)
-    count = max((len(even) - length) // (length - length // 2) + 1, 1)
-    degrees = 2 * count / (1 + 2 * _SHARED * (count - 1) / count)
-    return Spectrum(
-        frequency, power, power * degrees / chdtri(degrees, 0.025), power * degrees / chdtri(degrees, 0.975)
-    )
+    parts = cut_windows(smooth - smooth[0], length)
+    frequency, power = np.fft.rfftfreq(length, step), (np.abs(np.fft.rfft(parts, axis=1)) ** 2).mean(axis=0)
+    alone = np.zeros(len(frequency), dtype=bool)  # lines without a partner at −f, which are real
+    alone[0], alone[-1] = True, length % 2 == 0
+    power *= np.where(alone, 1.0, 2.0)[:, None] * step / (hann(length) ** 2).sum()
+    count, shared = len(parts), np.full(len(frequency), _SHARED)
+    shared[0] = _SHARED_AT_ZERO
+    degrees = np.where(alone, 1, 2) * count / (1 + 2 * shared * (count - 1) / count)
+    low, high = (power * (degrees / chdtri(degrees, p))[:, None] for p in (0.025, 0.975))
+    return Spectrum(frequency, power, low, high)
+
+
+def hann(length: int) -> Array:
+    """Hann's window, of which the row after the last would be the first again; shape (length,)."""
+    return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length))
+
+
+def cut_windows(values: Array, length: int, detrend: Literal["constant", "linear"] = "constant") -> Array:
+    """Windows of signals, from the first row to the last, without their mean or trend and weighted by Hann's window.
+
+    They overlap by half, or by as much more as it takes for the last to end with the record.
+
+    Args:
+        values: shape (N, w), N at least ``length``.
+        length: rows of a window.
+        detrend: what is subtracted from each.
+
+    Returns:
+        shape (windows, length, w).
+    """
+    from scipy.signal import detrend as without
+
+    gaps = -(-2 * (len(values) - length) // (length + 1))  # half a window each, to half a row
+    starts = np.rint(np.linspace(0, len(values) - length, gaps + 1)).astype(int)
+    parts = without(np.stack([values[first : first + length] for first in starts]), axis=1, type=detrend)
+    return np.asarray(parts * hann(length)[:, None])
+
+
+def level_still(values: Array) -> Array:
+    """Signals (N, w), of which those that change by nothing but rounding do not change."""
+    still = np.ptp(values, axis=0) <= _STILL * np.abs(values).max(axis=0)
+    return np.where(still, values[0], values)
 
 
 BLOCKS = 10
@@ -250,7 +291,7 @@ def modality(values: Array, *, signal: bool = False, resamples: int = 199, seed:
         raise DataError(f"{x.size} values; expected at least {FEWEST}, all finite")
     x = x - x.mean()
     deviation = float(x.std())
-    if not deviation > 1e-12 * np.abs(values).max():
+    if not deviation > _STILL * np.abs(values).max():
         raise DataError("all values are the same; they have no distribution")
     x, random = x / deviation, np.random.default_rng(seed)
     if np.ptp(_inner(x)) <= SAME:  # deviations

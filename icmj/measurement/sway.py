@@ -20,7 +20,7 @@ import numpy as np
 from icmj.base.array import SAME, Array, between, steps_in
 from icmj.base.numbers import Card, WithCard, amount
 from icmj.errors import DataError
-from icmj.measurement.statistics import Spectrum, spectrum
+from icmj.measurement.statistics import Spectrum, level_still, spectrum
 from icmj.series.series import Series, even_series
 
 LEVEL = 0.95
@@ -204,6 +204,7 @@ def _line(x: Array, y: Array) -> tuple[float, float]:
 
 FEWEST = 20  # rows below which there is nothing to measure
 SLOPE = (0.1, 0.7)  # Hz
+FEWEST_LINES = 4  # of the spectrum in that band, below which there is no slope
 SEGMENTS = 2  # lengths of a segment of the spectrum in the record
 
 
@@ -398,8 +399,9 @@ def measure_sway(
         series: for example from :func:`icmj.read_series` or ``Result.to_series``.
         columns: names of the signals to measure; by default all.
         rate: rate to which the series is resampled by a cubic spline [Hz]; by default its own rate.
-        low_pass: cut-off frequency [Hz] of a fourth-order Butterworth filter, run forward and backward without phase
-            shift, between one period in the record and half the rate; by default there is no filter.
+        low_pass: cut-off frequency [Hz], at which the gain is 1/√2, of a Butterworth filter of second order that is run
+            forward and backward: of fourth order together, without phase shift. Between one period in the record and
+            half the rate; by default there is no filter.
         band: band for mean, median and edge frequency [Hz]; Prieto et al. used 0.15 to 5 Hz.
 
     Raises:
@@ -415,6 +417,7 @@ def measure_sway(
         raise DataError(f"a band of {band[0]:g} to {band[1]:g} Hz; expected two rising numbers from 0 on")
     if low_pass is not None:
         series = replace(series, values=_filter(series.values, low_pass, 1 / step))
+    series = replace(series, values=level_still(series.values))
     found = spectrum(series.t, series.values, SEGMENTS)
     coordinates = tuple(
         _coordinate(name, unit, values, step, frequencies(found.frequency, power, band))
@@ -464,10 +467,12 @@ def frequencies(frequency: Array, power: Array, band: tuple[float, float] = (0.0
     Raises:
         DataError: if fewer than two lines are in the band.
     """
-    inside = between(frequency, *band)
-    f, P = frequency[inside], power[inside]
-    if len(f) < 2:
+    if between(frequency, *band).sum() < 2:
         raise DataError(f"no two lines of the spectrum from {band[0]:g} to {band[1]:g} Hz; widen the band")
+    low, high = (float(np.clip(edge, frequency[0], frequency[-1])) for edge in band)
+    # between two lines the power is that of the straight line between them, also where the band begins or ends there
+    f = np.concatenate([[low], frequency[(frequency > low) & (frequency < high)], [high]])
+    P = np.interp(f, frequency, power)
     below = np.concatenate([[0.0], np.cumsum(np.diff(f) * (P[1:] + P[:-1]) / 2)])
     if not below[-1] > 0:
         return Frequencies(np.nan, np.nan, np.nan, np.nan)
@@ -477,34 +482,45 @@ def frequencies(frequency: Array, power: Array, band: tuple[float, float] = (0.0
 
 
 def _slope(f: Array, P: Array) -> float:
-    low = between(f, *SLOPE) & (P > 0)
-    return float(np.polynomial.polynomial.polyfit(np.log(f[low]), np.log(P[low]), 1)[1]) if low.sum() >= 4 else np.nan
+    """The slope by least squares, of lines by how much of their distance from the others they lie in the band.
+
+    A line within it counts as one, and one beyond its end by a share of the distance between lines as that much less:
+    so a record that is longer by a row, whose lines lie a little closer, has nearly the same.
+    """
+    beyond = np.maximum(SLOPE[0] - f, f - SLOPE[1]) / (f[1] - f[0])
+    weight = np.clip(1 - beyond, 0, 1) * ((P > 0) & (f > 0))
+    low = weight > SAME
+    if between(f[low], *SLOPE).sum() < FEWEST_LINES:
+        return np.nan
+    return float(np.polynomial.polynomial.polyfit(np.log(f[low]), np.log(P[low]), 1, w=np.sqrt(weight[low]))[1])
 
 
 def _coordinate(name: str, unit: str, values: Array, step: float, found: Frequencies) -> Coordinate:
-    about = values - values.mean()
+    from_first = values - values[0]  # its mean and what is about it are exact where nothing moves
+    about = from_first - from_first.mean()
     distance = float(np.abs(about).mean())
     speed = float(np.abs(np.diff(values)).sum() / (len(values) * step))
     return Coordinate(
         name=name,
         unit=unit,
-        mean=float(values.mean()),
+        mean=float(values[0] + from_first.mean()),
         rms=float(np.sqrt((about**2).mean())),
         mean_distance=distance,
         range=float(np.ptp(values)),
-        prediction_range=prediction_range(values),
+        prediction_range=prediction_range(about),
         speed=speed,
         rotation_frequency=speed / (4 * np.sqrt(2) * distance) if distance > 0 else np.nan,
         frequencies=found,
-        diffusion=diffusion(values, 1 / step),
+        diffusion=diffusion(about, 1 / step),
     )
 
 
 def _plane(series: Series, step: float, found: Frequencies) -> Plane:
-    values = series.values
-    distance = np.hypot(*(values - values.mean(axis=0)).T)
-    speed = float(np.hypot(*np.diff(values, axis=0).T).sum() / (len(values) * step))
-    first, second = series.names
+    from_first = series.values - series.values[0]
+    about = from_first - from_first.mean(axis=0)
+    distance = np.hypot(*about.T)
+    speed = float(np.hypot(*np.diff(about, axis=0).T).sum() / (len(about) * step))
+    ellipse, (first, second) = prediction_ellipse(about), series.names
     return Plane(
         names=(first, second),
         unit=series.units[0],
@@ -512,9 +528,9 @@ def _plane(series: Series, step: float, found: Frequencies) -> Plane:
         mean_distance=float(distance.mean()),
         speed=speed,
         rotation_frequency=speed / (2 * np.pi * distance.mean()) if distance.any() else np.nan,
-        ellipse=prediction_ellipse(values),
+        ellipse=replace(ellipse, centre=series.values[0] + from_first.mean(axis=0)),
         frequencies=found,
-        diffusion=diffusion(values, 1 / step),
+        diffusion=diffusion(about, 1 / step),
     )
 
 
@@ -527,4 +543,6 @@ def _filter(values: Array, corner: float, rate: float) -> Array:
             f"a low-pass of {corner:g} Hz; expected from {lowest:.3g} Hz, one period in the record, to below half the "
             f"rate, {rate / 2:g} Hz"
         )
-    return np.asarray(sosfiltfilt(butter(2, corner, fs=rate, output="sos"), values, axis=0), float)
+    # that of each pass is higher: of their gains, 1/√(1 + (Ω/Ω_c)⁴), the product is to be 1/√2 at the corner
+    once = float(np.arctan(np.tan(np.pi * corner / rate) / (np.sqrt(2) - 1) ** 0.25)) * rate / np.pi
+    return np.asarray(sosfiltfilt(butter(2, once, fs=rate, output="sos"), values, axis=0), float)

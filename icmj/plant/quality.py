@@ -27,7 +27,7 @@ from icmj.plant.linear_plant import LinearPlant
 Kind = Literal[
     "not at rest", "kink", "dry friction", "feedthrough", "coarse derivatives", "uncontrollable", "unobservable",
     "sensor bias", "outputs", "operating point", "dropped state", "keyframe", "person", "saturation", "joint limit",
-    "not linear", "large step", "not smooth", "paper", "slow noise", "set-point", "sampling delay",
+    "not linear", "large step", "not smooth", "lift-off", "paper", "slow noise", "set-point", "sampling delay",
 ]  # fmt: skip
 KINDS: tuple[str, ...] = get_args(Kind)
 

@@ -241,7 +241,6 @@ def _variables(names: Sequence[str]) -> dict[str, list[int]]:
 MOST_ROWS = 5e6  # of an even series; measuring two signals of so many takes a gigabyte and a half
 LARGEST, LONGEST = 1e50, 1e12  # of a value, whatever its unit; of a step [s], and of its inverse
 GAP = 2.5  # steps: a distance between rows beyond which nobody knows what was there
-_SAME = 1e-9  # of a step: what rounding leaves between two times
 _ROUGH = 0.25  # of a step: rounding to few digits leaves the mean rate as it is; a lost row moves others by half a step
 _CLOSE = 0.1  # of the usual distance between rows: one this close to the row before it adds nothing but rounding
 
@@ -252,21 +251,38 @@ def evenly(t: Array, values: Array, step: float | None = None) -> tuple[Array, A
     Args:
         t: times of the rows [s], rising, shape (N,), N > 1.
         values: shape (N, w).
-        step: between the times [s]; the usual distance of the rows by default, and where most crowd in few places
-            (events without a least interval) a tenth of the mean one.
+        step: between the times [s]; that of the rows by default (:func:`row_step`).
 
     Returns:
         times (M,) and values (M, w).
     """
     from scipy.interpolate import CubicSpline
 
-    usual = max(float(np.median(np.diff(t))), float(t[-1] - t[0]) / (10 * len(t)))
+    usual = row_step(t)
     step = usual if step is None else step
     kept = np.concatenate([[True], np.diff(t) > _CLOSE * usual])
     even = t[0] + step * np.arange(int((t[kept][-1] - t[0]) / step + EVEN) + 1)
-    if len(even) == len(t) and np.abs(even - t).max() <= _SAME * step:
+    if len(even) == len(t) and np.abs(even - t).max() <= EVEN * step:
         return even, values
     return even, CubicSpline(t[kept], values[kept])(even)
+
+
+def row_step(t: Array) -> float:
+    """The step of rows [s], from as many of them as there are, because single times are rounded.
+
+    Of rows that are even but for rounding, and for lost ones, it is what all take together; of others their usual
+    distance, and where most crowd in few places (events without a least interval) a tenth of the mean one.
+
+    Args:
+        t: times [s], rising, shape (N,), N > 1.
+    """
+    span, usual = float(t[-1] - t[0]), float(np.median(np.diff(t)))
+    for step in (span / (len(t) - 1), usual):
+        place = np.rint((t - t[0]) / step)
+        step = span / float(place[-1])
+        if np.abs(t - t[0] - step * place).max() <= _ROUGH * step and np.diff(place).min() > 0:
+            return step
+    return max(usual, span / (10 * len(t)))
 
 
 def even_series(series: Series, rate: float | None = None) -> Series:
@@ -291,11 +307,9 @@ def even_series(series: Series, rate: float | None = None) -> Series:
             f"a gap of {steps[widest]:.4g} s after {series.t[widest]:.6g} s, where rows are {usual:.4g} s apart; "
             "measure a part without gaps"
         )
-    # the mean step is better known than any single one
     mean = float(series.t[-1] - series.t[0]) / (len(series) - 1)
     off = np.abs(series.t - (series.t[0] + mean * np.arange(len(series)))).max()
-    own = mean if off <= _ROUGH * mean else usual
-    step = own if rate is None else step_of(rate, float(series.t[-1] - series.t[0]))
+    step = row_step(series.t) if rate is None else step_of(rate, float(series.t[-1] - series.t[0]))
     if off <= EVEN * mean and abs(step - mean) * (len(series) - 1) <= EVEN * max(step, mean):
         return replace(series, t=series.t[0] + mean * np.arange(len(series)))
     t, values = evenly(series.t, series.values, step)

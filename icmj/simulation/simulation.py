@@ -158,9 +158,10 @@ class Pressure:
         )  # fmt: skip
 
     @property
-    def lifted(self) -> bool:
-        """Whether a geom that bears load at rest bears none at some time."""
-        return bool((self._borne <= 0).any())
+    def lifted(self) -> tuple[str, ...]:
+        """The geoms that bear load at rest and none at some time."""
+        lifts = (self._borne <= 0).any(axis=0)
+        return tuple(np.array(self.geoms, dtype=object)[self.load_at_rest > 0][lifts])
 
     @property
     def unloading(self) -> float:
@@ -525,6 +526,12 @@ def _remarks(simulation: Simulation) -> Iterator[Notice]:
             f"{facts['integrator']} steps by {float(facts['timestep']):g} s; give [simulation] a timestep instead of it"
         )
         yield Notice("not smooth", "warning", words)
+    if simulation.pressure is not None and (lifted := simulation.pressure.lifted):
+        words = (
+            f"{' and '.join(lifted)} lifts from the ground during the run, where the plant is not the one that was "
+            "linearised; lower the threshold or what disturbs, or widen what the body stands on"
+        )
+        yield Notice("lift-off", "warning", words)
     error = relative_error(simulation)
     if error > LARGE and facts.get("tolerance"):
         words = f"the tolerance of {float(facts['tolerance']):g} let an interval err by {error:.1g} of itself"

@@ -27,7 +27,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from icmj.base.array import read_parquet
+from icmj.base.array import between, read_parquet
 from icmj.base.files import whole, write_bytes, write_text
 from icmj.base.numbers import plain
 from icmj.base.process import limit_to_one_thread
@@ -422,7 +422,8 @@ def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], Non
     whole = found.outcome.kind not in ("fell", "diverged", "interrupted")
     # what stands for continuous control is a clock of a few milliseconds, whose ticks are no events
     events = found.events.t[:0] if one.table.control == "continuous" else found.events.t
-    return Recording(kind.recorded(case, found), events.copy(), "completed" if whole else found.outcome.kind)
+    events = events[between(events, kind.begin)] - kind.begin
+    return Recording(kind.recorded(case, found), events, "completed" if whole else found.outcome.kind)
 
 
 def _set_controller(one: Condition, case: Case) -> Case:

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from icmj.base.array import Array, between, instants
+from icmj.base.array import Array, instants
 from icmj.case.case import Case, PlantKind
 from icmj.controller.setpoint import find_step_pairs
 from icmj.engine.plant import MujocoPlant
@@ -110,6 +110,11 @@ class Kind(ABC):
         to trial.
         """
 
+    @property
+    def begin(self) -> float:
+        """The time of a run at which its trial begins [s], and with it the times of rows and of events."""
+        return 0.0
+
     @abstractmethod
     def recorded(self, case: Case, simulation: Simulation) -> Series:
         """The evenly sampled signals of a run that the analysis needs; a recording of people contains the same."""
@@ -189,6 +194,10 @@ class QuietStandingKind(Kind):
     def stimulate(self, run: RunFile, seed: int) -> RunFile:
         return set_duration(run, self.settings.settle + self.settings.duration, self.settings.rate)
 
+    @property
+    def begin(self) -> float:
+        return self.settings.settle
+
     def recorded(self, case: Case, simulation: Simulation) -> Series:
         columns, model = tuple(self.settings.columns), case.actual
         whole = simulation.to_series()
@@ -200,7 +209,7 @@ class QuietStandingKind(Kind):
             whole = Series(whole.t, values, (*whole.names, *pressure.names), (*whole.units, *pressure.units))
             columns = columns or ("cop.x",)
         columns = columns or tuple(name for name in whole.names if name.startswith("y."))[:2]
-        return sample_rows(whole.chosen(columns), simulation, self.settings.rate, self.settings.settle)
+        return sample_rows(whole.chosen(columns), simulation, self.settings.rate, self.begin)
 
     def read(self, series: Series) -> Series:
         return even_series(series.chosen(self.settings.columns) if self.settings.columns else series)
@@ -208,9 +217,7 @@ class QuietStandingKind(Kind):
     def analyse(
         self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
     ) -> Standing:
-        settle = self.settings.settle if case is not None else 0.0
-        later = [Recording(one.series, one.events[between(one.events, settle)], one.outcome) for one in recordings]
-        return quiet_standing(later, low_pass=self.settings.low_pass)
+        return quiet_standing(recordings, low_pass=self.settings.low_pass)
 
     def drawn(self, found: Sequence[CaseResult]) -> Figure:
         from icmj.report.findings import standing_figure

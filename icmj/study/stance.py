@@ -137,13 +137,16 @@ class MultisineKind(Kind):
         duration = (table.settle + table.periods) * table.period
         return set_duration(run.with_(**{key: [*kept, sines]}), duration, table.rate)
 
+    @property
+    def begin(self) -> float:
+        return self.settings.settle * self.settings.period
+
     def recorded(self, case: Case, simulation: Simulation) -> Series:
         whole = simulation.to_series()
         name = self._response(simulation.labels.inputs)
         pair = whole.chosen([name])
-        since = self.settings.settle * self.settings.period
-        one = sample_rows(pair, simulation, self.settings.rate, since)
-        t = one.t + (since if len(one) > 1 else 0.0)
+        one = sample_rows(pair, simulation, self.settings.rate, self.begin)
+        t = one.t + (self.begin if len(one) > 1 else 0.0)
         stimulus, unit = self._stimulus(case, simulation, t)
         return replace(
             one,
@@ -283,11 +286,14 @@ class PerturbedStanceKind(Kind):
         duration = (table.settle + table.periods) * table.period
         return set_duration(run.with_(**{"simulation.disturbance": [*kept, tilt]}), duration, table.rate)
 
+    @property
+    def begin(self) -> float:
+        return self.settings.settle * self.settings.period
+
     def recorded(self, case: Case, simulation: Simulation) -> Series:
-        since = self.settings.settle * self.settings.period
         name = self.settings.output or case.actual.linearisation.plant.outputs[0]
-        one = sample_rows(simulation.to_series().chosen([f"y.{name}"]), simulation, self.settings.rate, since)
-        tilt = self._tilt(one.t + (since if len(one) > 1 else 0.0))
+        one = sample_rows(simulation.to_series().chosen([f"y.{name}"]), simulation, self.settings.rate, self.begin)
+        tilt = self._tilt(one.t + (self.begin if len(one) > 1 else 0.0))
         values = np.column_stack([tilt, one.values[:, 0] + tilt])
         return replace(one, values=values, names=(TILT, BODY), units=("rad", "rad"), facts={"response": f"y.{name}"})
 
@@ -409,11 +415,15 @@ class IntersectionPointKind(Kind):
     def stimulate(self, run: RunFile, seed: int) -> RunFile:
         return set_duration(run, self.settings.settle + self.settings.duration, self.settings.rate)
 
+    @property
+    def begin(self) -> float:
+        return self.settings.settle
+
     def recorded(self, case: Case, simulation: Simulation) -> Series:
         axis = self.settings.axis
         names = (f"force.{axis}", "force.z", f"cop.{axis}")
         force = ground_force(_model(case), simulation).chosen(names)
-        return force_angle(sample_rows(force, simulation, self.settings.rate, self.settings.settle), *names[:2])
+        return force_angle(sample_rows(force, simulation, self.settings.rate, self.begin), *names[:2])
 
     def read(self, series: Series) -> Series:
         if self.settings.angle not in series.names:
