@@ -37,7 +37,6 @@ from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant, transformation
 from icmj.runfile.schema import RunFile
 from icmj.series.series import NEAR, Series, piecewise
-from icmj.simulation.disturbance import acting_on
 from icmj.simulation.simulation import Scene, Simulation
 from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import Prediction
@@ -203,15 +202,8 @@ class Result(WithCard):
         Raises:
             DataError: if the rate is not usable.
         """
-        edges, law = acting_on(self.actual, self.run.simulation.settings()).edges, self.controller
-        if has_trigger(law):
-            series = self.simulation.to_series(rate, law, edges)
-        else:
-            if law.setpoint:
-                edges = np.concatenate([edges, law.setpoint.edges])
-            # what jumps is read again, and answered with a kink, as long after as a tap says
-            breaks = np.unique(np.concatenate([edges, *(edges + tap for tap in law.realisation.taps)]))
-            series = self.simulation.to_series(rate, breaks=breaks)
+        law = self.controller
+        series = self.simulation.to_series(rate, law if has_trigger(law) else None)
         return replace(series, facts=self._facts | series.facts)
 
     def to_xarray(self, rate: float | None = None) -> Dataset:
@@ -353,20 +345,12 @@ def curve(result: Result, start: float, end: float) -> tuple[Array, Array]:
 def _refine(result: Result, t: Array, values: Array) -> tuple[Array, Array]:
     """Rows of outputs and rates with what is between them, in as many points as a smooth curve needs."""
     plant, n_y = result.actual, result.actual.n_y
-    pushed = acting_on(plant, result.run.simulation.settings()).edges
-    bends = np.unique(np.concatenate(result.simulation.breaks))
-    bends = bends[(bends > t[0] + NEAR) & (bends < t[-1] - NEAR)]
-    # an action on the linear plant has no row of its own; what it bends is continuous there, and known from before
-    row = np.searchsorted(t, bends - NEAR)
-    alone = t[row] > bends + NEAR
-    before = piecewise(t, values, bends[alone] - 2 * NEAR, breaks=np.concatenate([bends, pushed]))
-    t, values = np.insert(t, row[alone], bends[alone]), np.insert(values, row[alone], before, axis=0)
-    after = values[np.searchsorted(t, bends - NEAR)]
-    if (plant.C @ plant.B).any():  # where an input acts on an output's rate at once, that jumps with it
-        after[:, n_y:] = np.nan
+    resets, others = result.simulation.breaks
+    # where an input acts on an output's rate at once, that jumps with it
+    steady = np.arange(2 * n_y) < (n_y if (plant.C @ plant.B).any() else 2 * n_y)
 
     def at(times: Array) -> Array:
-        return piecewise(t, values, times, jumps=bends, after=after, breaks=pushed)
+        return piecewise(t, values, times, jumps=resets[between(resets, t[0], t[-1])], breaks=others, steady=steady)
 
     middle, extent = at((t[1:] + t[:-1]) / 2), np.ptp(values, axis=0)
     off = np.abs(middle - (values[1:] + values[:-1]) / 2) / np.where(extent > 0, extent, 1)

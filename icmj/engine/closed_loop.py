@@ -46,7 +46,7 @@ from icmj.engine.safety import EngineFault, install_callbacks, words
 from icmj.engine.schedule import Schedule, States, fastest_rate, is_stiff, phases_of, recording
 from icmj.errors import ModelError
 from icmj.simulation import ending
-from icmj.simulation.disturbance import NO_PUSHES, Acting, Disturbance, Pushes, acting_on, no_disturbance
+from icmj.simulation.disturbance import NO_PUSHES, Acting, Disturbance, Pushes, acting_on, edges_of, no_disturbance
 from icmj.simulation.ending import Outcome
 from icmj.simulation.native.loop import Status
 from icmj.simulation.settings import Settings, points_between
@@ -443,6 +443,7 @@ class ComposedLoop:
             rate=max(own, float(self.acting.omega.max(initial=0.0))),
             stiff=is_stiff(plant, own),
             sampling=self.controller.sampling_delay,
+            breaks=edges_of(self.acting, self.controller),
         )
 
     def stepper(self, data: mujoco.MjData, schedule: Schedule) -> FixedSteps:

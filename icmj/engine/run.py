@@ -265,7 +265,8 @@ def simulate(
 
     Returns:
         The run, recorded at multiples of ``record_interval`` (of fixed steps at the first end there or later), at every
-        event (values just before the reset), at every action (values after it) and at the end. ``u`` is the command
+        event (values just before the reset), at every action and where what is given jumps (values after it), and at the
+        end. ``u`` is the command
         −k̂x_h; ``applied`` what acts of it and the disturbance beside it. ``precision``
         has ``integrator``, ``order``, ``timestep`` [s] (the mean, of adapted steps, with their ``tolerance``),
         ``event_tolerance`` [s], ``interval_error`` [s], ``output_error`` (relative; both estimated over one interval),
@@ -313,7 +314,7 @@ def simulate(
         qpos=record.rows[:, 1 : 1 + loop.model.nq],
         delay=controller.delay.t_d,
         applied=acting,
-        **collect_drives(controller, loop.pushes, record.rows[:, 0]),
+        **collect_drives(controller, loop.acting, record.rows[:, 0]),
         least=controller.least,
         noisy=settings.noisy,
         labels=labels_of(plant.linearisation.plant, controller.design.plant),
@@ -385,7 +386,7 @@ def simulate_tapped(
         delay=realisation.delay if realisation.eventful else 0.0,
         least=least_of(realisation),
         **modes_of(realisation, record.mode),
-        **collect_drives(law, loop.pushes, record.rows[:, 0]),
+        **collect_drives(law, loop.acting, record.rows[:, 0]),
     )
 
 

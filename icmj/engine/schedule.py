@@ -12,7 +12,7 @@ Sofroniou and Spaletta's method of order 4 with Hermite's cubic (Mathematical an
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from icmj.base.array import Array
+from icmj.base.roots import SAME as ONE_INSTANT
 from icmj.controller.controller import Law
 from icmj.controller.design import SAME
 from icmj.plant.linear_plant import LinearPlant
@@ -159,13 +160,14 @@ class Schedule:
         edges: times at which the disturbance may jump [s], rising; steps end on them.
         phases: a time within each stretch between edges, shape (len(edges) + 1,).
         record_interval: rows are at its multiples, of fixed steps at the first that ends there or later, and at events,
-            actions and the end [s].
+            actions, ``breaks`` and the end [s].
         limits: the run has fallen when a position departs further than its own [rad or m], shape (nv,).
         rate: fastest rate |λ| of the linear closed loop [rad/s]; bounds how far E(t) can leave its Hermite cubic.
         events: number of events after which to stop.
         tolerance: relative error of an open-loop interval that adaptive steps keep to; 0 where the timestep is given.
         stiff: whether the loop's fast modes, rather than accuracy, would bound long steps.
         sampling: d_s from when the event rule reaches its threshold to the event [s].
+        breaks: edges at which the motion jumps or bends, and instants at which the controller reads that [s], rising.
     """
 
     timestep: float
@@ -182,6 +184,7 @@ class Schedule:
     tolerance: float = 0.0
     stiff: bool = False
     sampling: float = 0.0
+    breaks: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def method(self) -> Tableau:
@@ -224,9 +227,17 @@ class Schedule:
         return int(np.floor(t / self.clock * (1 + 1e-12))) + 1
 
 
-def row_after(t: float, interval: float) -> float:
-    """The first multiple of the interval between rows after ``t`` [s], which may be one itself, but for rounding."""
-    return float((np.floor(t / interval + 1e-8) + 1) * interval)
+def row_after(t: float, interval: float, breaks: Array) -> float:
+    """When the first row after ``t`` is due [s]: at a multiple of ``interval`` or a break, of which the last is inf.
+
+    Where ``t`` is one itself, but for rounding, it is the next.
+    """
+    return float(
+        min(
+            (np.floor(t / interval + 1e-8) + 1) * interval,
+            breaks[np.searchsorted(breaks, t + ONE_INSTANT, side="right")],
+        )
+    )
 
 
 def phases_of(edges: Array) -> Array:

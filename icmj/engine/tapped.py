@@ -33,7 +33,7 @@ from icmj.engine.plant import MujocoPlant
 from icmj.engine.safety import EngineFault, words
 from icmj.engine.schedule import Recording, Schedule, fastest_rate, is_stiff, phases_of, recording
 from icmj.simulation import ending
-from icmj.simulation.disturbance import acting_on
+from icmj.simulation.disturbance import acting_on, edges_of
 from icmj.simulation.native.loop import Status
 from icmj.simulation.settings import LEAST_TOLERANCE, Settings, points_between
 from icmj.simulation.taps import (
@@ -128,6 +128,7 @@ class TappedLoop(ComposedLoop):
             timestep=timestep, tolerance=tolerance, t_end=settings.duration, delta_min=0.0, clock=np.inf, delay=0.0,
             edges=edges, phases=phases_of(edges), record_interval=settings.record_interval,
             limits=self.plant.limits(settings.limit), rate=max(own, self.noise), stiff=is_stiff(plant, own),
+            breaks=edges_of(self.acting, self.controller),
         )  # fmt: skip
 
     def outcome(

@@ -25,7 +25,7 @@ from icmj.linear.native.stretches import Body, Grid, Track, compile_stretches
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
-from icmj.simulation.disturbance import acting_on, collect_drives, keep_rows
+from icmj.simulation.disturbance import acting_on, collect_drives, edges_of, keep_rows
 from icmj.simulation.ending import EventPace
 from icmj.simulation.native.loop import Status
 from icmj.simulation.native.waves import Waves
@@ -72,8 +72,8 @@ def simulate_tapped(
         progress: called repeatedly with the completed fraction, 0–1.
 
     Returns:
-        Recorded at multiples of ``record_interval``, at every event (values just before it), and at the end. Events are
-        those of the rule or the clock, or, of a controller without them, its switches; they are exact to 1e-12 s. What
+        Recorded at multiples of ``record_interval``, at every event (values just before it), at every action and where
+        what is given jumps (values after it), and at the end. Events are those of the rule or the clock, or, of a controller without them, its switches; they are exact to 1e-12 s. What
         the controller's state means is not known here: observer, hold and event function are not recorded.
 
     Raises:
@@ -95,6 +95,7 @@ def simulate_tapped(
     )
     E = np.column_stack([np.zeros((n, 0)), *(plant.effect(push) for push in pushes.places)])
     edges = points_between(everything.edges, everything.gaussian, settings.duration)
+    breaks = np.append(edges_of(everything, law), np.inf)
     limited = np.flatnonzero(np.isfinite(limits))
     positions = np.zeros((len(limited), n))
     positions[np.arange(len(limited)), positions_of(plant)[limited]] = 1 / limits[limited]
@@ -107,9 +108,10 @@ def simulate_tapped(
         errors=shown, lasting=lasting.reach(0.0), wrong=wrong.reach(0.0),
         edges=np.append(edges, np.inf), levels=levels_of(edges, everything), positions=positions,
         interval=float(settings.record_interval), end=float(settings.duration), F=from_powers(POWERS - 1),
+        breaks=breaks,
     )  # fmt: skip
     track = Track(
-        t=np.zeros(2), counts=np.array([1, 0, 0, 0]),
+        t=np.array([0.0, 0.0, breaks[0]]), counts=np.array([1, 0, 0, 0]),
         X=np.zeros((n, POWERS)), y=np.zeros((n_y + 1, POWERS)), room=np.zeros((2, POWERS)),
         high=plant.C @ x, low=plant.C @ x,
         rows=np.zeros((_TAPPED_ROWS + int(min(H / body.interval, 1e7)), 2 + n + n_u)),
@@ -182,7 +184,7 @@ def simulate_tapped(
         delay=realisation.delay if realisation.eventful else 0.0,
         least=least_of(realisation),
         **modes_of(realisation, R[:, -1]),
-        **collect_drives(law, pushes, when),
+        **collect_drives(law, everything, when),
     )
 
 
@@ -266,8 +268,8 @@ def simulate(
         progress: called repeatedly with the completed fraction, 0–1.
 
     Returns:
-        Recorded at multiples of ``record_interval``, at every event (values just before the reset) and at the end.
-        Events are exact to 1e-12 s.
+        Recorded at multiples of ``record_interval``, at every event (values just before the reset), at every action and
+        where what is given jumps (values after it), and at the end. Events are exact to 1e-12 s.
 
     Raises:
         SimulationError: if plant and controller do not fit, a start state is unknown, of the wrong shape or not
@@ -316,5 +318,5 @@ def simulate(
         least=controller.least,
         noisy=settings.noisy,
         labels=labels_of(plant, controller.design.plant),
-        **collect_drives(controller, simulator.pushes, found.t),
+        **collect_drives(controller, acting_on(plant, settings, controller), found.t),
     )

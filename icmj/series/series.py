@@ -366,6 +366,7 @@ def piecewise(
     jumps: Array | None = None,
     after: Array | None = None,
     breaks: Array | None = None,
+    steady: np.ndarray | None = None,
 ) -> Array:
     """Interpolate piecewise smooth signals from their rows, whose values are given where there is one.
 
@@ -376,6 +377,7 @@ def piecewise(
         jumps: times of jumps at rows, which contain the values before the jump [s], shape (K,).
         after: values right after each jump, NaN if unknown, shape (K, w).
         breaks: further times of jumps, which need not be times of rows [s]; a row there contains the values after it.
+        steady: mask of the signals that bend there and do not jump, so that a row is of both sides; shape (w,).
 
     Returns:
         The values at ``at``, shape (M, w).
@@ -386,6 +388,19 @@ def piecewise(
     jumps = np.zeros(0) if jumps is None else jumps
     after = np.full((len(jumps), values.shape[1]), np.nan) if after is None else after
     breaks = np.zeros(0) if breaks is None else np.asarray(breaks, float)
+    steady = np.zeros(values.shape[1], dtype=bool) if steady is None else steady
+    result = np.empty((len(at), values.shape[1]))
+    result[:, ~steady] = _across_jumps(t, values[:, ~steady], at, jumps, after[:, ~steady], breaks)
+    if steady.any():
+        result[:, steady] = _across_bends(t, values[:, steady], at, np.concatenate([jumps, breaks]))
+    row = np.minimum(np.searchsorted(t, at - NEAR), len(t) - 1)
+    met = np.abs(t[row] - at) <= NEAR
+    result[met] = values[row[met]]
+    return result
+
+
+def _across_jumps(t: Array, values: Array, at: Array, jumps: Array, after: Array, breaks: Array) -> Array:
+    """Of signals that jump, each piece has the rows of its own side, and its value right after a jump if known."""
     # what jumps at a break, too, is in the row of the jump already: that row tells nothing of the time before
     shared = _near(jumps, breaks)
     inner = np.concatenate([jumps, _apart_from(np.unique(breaks[~_near(breaks, jumps)]))])
@@ -412,9 +427,26 @@ def piecewise(
                 piece = np.vstack([head, rows])[:, columns] if with_head else rows[:, columns]
                 apart = _apart(times, _CLOSE * usual)
                 result[wanted, columns] = _smooth(times[apart], piece[apart], at[wanted], t, values[:, columns])
-    row = np.minimum(np.searchsorted(t, at - NEAR), len(t) - 1)
-    met = np.abs(t[row] - at) <= NEAR
-    result[met] = values[row[met]]
+    return result
+
+
+def _across_bends(t: Array, values: Array, at: Array, bends: Array) -> Array:
+    """Of signals that bend, a piece has the rows at both of its ends."""
+    none = np.zeros((0, values.shape[1]))
+    inner = _apart_from(np.unique(bends[(bends > t[0] + NEAR) & (bends < t[-1] - NEAR)]))
+    row = np.searchsorted(t, inner - NEAR)
+    alone = t[row] > inner + NEAR  # without a row, as in logs of before: what is there is known from the piece before
+    if alone.any():
+        before = _across_jumps(t, values, inner[alone] - 2 * NEAR, none[:, 0], none, inner)
+        t, values = np.insert(t, row[alone], inner[alone]), np.insert(values, row[alone], before, axis=0)
+    ends = np.concatenate([[0], np.searchsorted(t, inner - NEAR), [len(t) - 1]])
+    cuts = np.concatenate([[0], np.searchsorted(at, t[ends[1:-1]]), [len(at)]])
+    usual, result = float(np.median(np.diff(t))) if len(t) > 1 else 1.0, np.empty((len(at), values.shape[1]))
+    for here, there in zip(pairwise(cuts), pairwise(ends), strict=True):
+        if here[0] < here[1]:
+            wanted, piece = slice(*here), slice(there[0], there[1] + 1)
+            apart = _apart(t[piece], _CLOSE * usual)
+            result[wanted] = _smooth(t[piece][apart], values[piece][apart], at[wanted], t, values)
     return result
 
 
@@ -430,7 +462,10 @@ def _apart_from(times: Array) -> Array:
 
 
 def _smooth(knots: Array, piece: Array, at: Array, t: Array, values: Array) -> Array:
-    """A spline through the knots of one piece; straight lines between all rows where it has none, or NaN."""
+    """A spline through the knots of one piece, of one knot its value; straight lines between all rows where it has none.
+
+    Where a value is NaN, straight lines through the knots.
+    """
     from scipy.interpolate import CubicSpline
 
     result = np.empty((len(at), piece.shape[1]))
@@ -438,7 +473,7 @@ def _smooth(knots: Array, piece: Array, at: Array, t: Array, values: Array) -> A
     if good.any():
         result[:, good] = CubicSpline(knots, piece[:, good])(at)
     for i in np.flatnonzero(~good):
-        result[:, i] = np.interp(at, knots, piece[:, i]) if len(knots) > 1 else np.interp(at, t, values[:, i])
+        result[:, i] = np.interp(at, knots, piece[:, i]) if len(knots) else np.interp(at, t, values[:, i])
     return result
 
 

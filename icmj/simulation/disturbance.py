@@ -531,7 +531,20 @@ def keep_rows(controller: Controller, x_o: Array, x_h: Array, e: Array | None = 
     return Kept(x_o[:, :n], x_h[:, :n], u, controller.faces.E(x_h - x_o if e is None else e))
 
 
-def collect_drives(controller: Law, pushes: Pushes, t: Array) -> dict[str, Any]:
-    """Optional fields of a run at its rows: the set-point, and pushes."""
+def edges_of(acting: Acting, law: Law) -> Array:
+    """Instants at which a motion jumps or bends by what is given: rising, positive and finite [s].
+
+    There what acts, or a signal of the controller's own, begins, ends or jumps, or the controller reads that later.
+    """
+    real = law.realisation
+    given = np.unique(np.concatenate([acting.edges, real.signals[:, 4:].ravel()]))
+    given = given[np.isfinite(given) & (given > 0)]
+    return np.unique(np.concatenate([given, *(given + tap for tap in real.taps)]))
+
+
+def collect_drives(controller: Law, acting: Acting, t: Array) -> dict[str, Any]:
+    """Optional fields of a run at its rows: the set-point, pushes, and when what is given jumps."""
+    pushes, end = acting.pushes, float(t[-1])
     pushed = {"pushes": pushes.places, "pushed": pushes.size(t)} if len(pushes) else {}
-    return {"setpoint": controller.setpoint, **pushed}
+    edges = edges_of(acting, controller)
+    return {"setpoint": controller.setpoint, "edges": edges[edges < end], **pushed}

@@ -13,7 +13,7 @@ The moving body for display: its geoms and their poses over a run.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
@@ -233,6 +233,9 @@ class Events:
         return len(self.t)
 
 
+_STEADY = ("x", "y", "x_o")  # kinds of signals that bend where an input jumps, and do not jump
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Simulation(WithCard):
     """One simulated run; states are deviations from the operating point.
@@ -261,6 +264,8 @@ class Simulation(WithCard):
         labels: names and units of states, inputs and outputs; empty if unknown.
         mode: index of the active mode of a controller with several modes, shape (N,); otherwise empty (0,).
         modes: names of the modes.
+        edges: instants within the run at which what acts on it, or a signal of the controller, jumps, begins or ends,
+            and at which the controller reads that [s], rising; there is a row at each.
     """
 
     plant: Literal["linear", "mujoco"]
@@ -287,6 +292,7 @@ class Simulation(WithCard):
     mode: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     modes: tuple[str, ...] = ()
     setpoint: Setpoint | None = None
+    edges: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def r(self) -> Array:
@@ -333,8 +339,8 @@ class Simulation(WithCard):
                 each open-loop interval, never across an event, an action or a step (:mod:`icmj.series.series`).
             controller: controller of the run; if given, the inputs and the event function right after each event are
                 computed instead of extrapolated from the next row.
-            breaks: further times [s] across which values are not interpolated, such as those of pushes; there the
-                value is the one from there on.
+            breaks: further times [s] across which values are not interpolated; there the value is the one from there
+                on.
 
         Raises:
             DataError: if the rate is not usable.
@@ -348,10 +354,8 @@ class Simulation(WithCard):
             t = self.t
         else:
             t = instants(step_of(rate, float(self.t[-1])), float(self.t[-1]))
-            resets, others = self.breaks
-            after = np.concatenate([block.right_after(len(resets)) for block in blocks], axis=1)
-            breaks = np.concatenate([others, np.ravel(breaks)])
-            values = piecewise(self.t, values, t, jumps=resets, after=after, breaks=breaks)
+            after = np.concatenate([block.right_after(len(self.breaks[0])) for block in blocks], axis=1)
+            values = self.interpolate(names, values, t, after, breaks)
             if self.setpoint:
                 values[:, [name.startswith("r.") for name in names]] = self.setpoint(t)
             facts |= {"resampled": f"cubic spline within each open-loop interval at {rate:g} Hz"}
@@ -359,9 +363,26 @@ class Simulation(WithCard):
         interval = np.searchsorted(self.events.t, t - near, side="left")[:, None].astype(float)
         return Series(t, np.concatenate([values, interval], axis=1), (*names, "interval"), (*units, ""), facts)
 
+    def interpolate(
+        self, names: Sequence[str], values: Array, t: Array, after: Array | None = None, breaks: ArrayLike = ()
+    ) -> Array:
+        """Signals at other times than those of the rows, across none of :attr:`breaks`.
+
+        Args:
+            names: what they are called, as in :meth:`to_series`: states and outputs do not jump.
+            values: at the rows, shape (N, w).
+            t: times [s], increasing, within the run, shape (M,).
+            after: values right after each reset, NaN if unknown, shape (K, w).
+            breaks: further times across which nothing is interpolated [s].
+        """
+        resets, others = self.breaks
+        steady = np.array([name.split(".")[0] in _STEADY for name in names], dtype=bool)
+        others = np.concatenate([others, np.ravel(breaks)])
+        return piecewise(self.t, values, t, jumps=resets, after=after, breaks=others, steady=steady)
+
     @property
     def breaks(self) -> tuple[Array, Array]:
-        """Times of resets, whose rows contain the values before, and of actions and edges of the set-point [s]."""
+        """Times of resets, whose rows contain the values before, and of actions and edges, whose rows are after [s]."""
         # with a delay an event of observer and hold resets nothing yet; t = 0 is an event, too
         observes, events = self.x_o.shape[1] > 0, self.events.t
         resets = np.zeros(0) if self.delay and observes else events
@@ -369,7 +390,7 @@ class Simulation(WithCard):
         if not observes and len(actions) and len(events):  # the row of an event shows what is before an action, too
             near = np.abs(events[np.clip(np.searchsorted(events, actions - NEAR), 0, len(events) - 1)] - actions)
             actions = actions[near > NEAR]
-        return resets, np.concatenate([actions, self.setpoint.edges if self.setpoint else np.zeros(0)])
+        return resets, np.concatenate([actions, self.edges])
 
     def u_after(self, controller: Controller) -> Array:
         """The commands of the run's controller right after each event, for a run without a delay; shape (K, n_u)."""

@@ -45,7 +45,7 @@ from icmj.experiments.refractoriness import (
 from icmj.runfile.control_tables import DoubleStepsSetpoint
 from icmj.runfile.experiment_tables import DoubleStepTable, ExperimentFile, QuietStandingTable
 from icmj.runfile.schema import RunFile
-from icmj.series.series import Series, even_series, piecewise
+from icmj.series.series import Series, even_series
 from icmj.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -146,15 +146,13 @@ def set_duration(run: RunFile, duration: float, rate: float) -> RunFile:
 def sample_rows(signals: Series, simulation: Simulation, rate: float, since: float = 0.0) -> Series:
     """Signals at the rows of a run, evenly sampled from ``since`` [s] on, which becomes 0.
 
-    Nothing is interpolated across an event, an action or a step of the set-point; the side that is given there is that
-    of :meth:`icmj.Simulation.to_series`. A run that ended before ``since`` has one row.
+    Nothing is interpolated across a break; the side that is given there is that of
+    :meth:`icmj.Simulation.to_series`. A run that ended before ``since`` has one row.
     """
     t = instants(1 / rate, float(simulation.t[-1]), round(since * rate))
     if len(t) < 2:
         return replace(signals, t=signals.t[:1], values=signals.values[:1])
-    resets, others = simulation.breaks
-    values = piecewise(simulation.t, signals.values, t, jumps=resets, breaks=others)
-    return replace(signals, t=t - t[0], values=values)
+    return replace(signals, t=t - t[0], values=simulation.interpolate(signals.names, signals.values, t))
 
 
 PERSON = {"mass": (30.0, 200.0), "height": (0.5, 1.5)}  # kg, and m of the centre of mass: a body of a person's size

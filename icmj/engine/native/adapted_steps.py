@@ -93,7 +93,7 @@ def _samples(engine, plan, stepper, progress, record, t, length, stop):  # type:
         status = standing(engine, plan)
         if status != _RUNNING:
             return status
-        note(engine, progress, plan.record_interval, record, False, due)
+        note(engine, progress, plan, record, False, due)
         if stepper.apart and not sampled:
             record.count[0] -= 1
 

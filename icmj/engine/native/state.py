@@ -115,7 +115,7 @@ class Engine(NamedTuple):
 class Plan(NamedTuple):
     """A :class:`icmj.engine.schedule.Schedule`, with the limits at which the plant has fallen.
 
-    ``wait`` is the least time from one event until the rule is watched again; the last of ``edges`` is infinite;
+    ``wait`` is the least time from one event until the rule is watched again; the last of ``edges`` and ``breaks`` is inf;
     ``delay`` is, under a clock, exactly a multiple of its interval where it is nearly one.
     """
 
@@ -128,6 +128,7 @@ class Plan(NamedTuple):
     edges: Array
     phases: Array
     record_interval: float
+    breaks: Array
     limits: Array
     rate: float
     events: int
@@ -224,6 +225,7 @@ def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> Plan:
         edges=np.append(schedule.edges, np.inf),
         phases=np.array(schedule.phases, dtype=float),
         record_interval=float(schedule.record_interval),
+        breaks=np.append(schedule.breaks, np.inf),
         limits=np.array(schedule.limits, dtype=float),
         rate=float(schedule.rate),
         events=int(schedule.events),
@@ -267,7 +269,7 @@ def progress_at(t: float, schedule: Schedule, plan: Plan, rule: Rule, progress: 
     values = dict.fromkeys(PROGRESS.names or (), 0) | {
         **dict.fromkeys(("grid", "begin", "end"), t),
         "stale": RESTARTED,
-        "next_row": row_after(t, schedule.record_interval),
+        "next_row": row_after(t, plan.record_interval, plan.breaks),
         **dict.fromkeys(("next_step", "first_step"), step),
         "fresh": 1,
     }
@@ -412,7 +414,7 @@ def _note_outputs(engine, record):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def note(engine, progress, interval, record, fired, due):  # type: ignore[no-untyped-def]
+def note(engine, progress, plan, record, fired, due):  # type: ignore[no-untyped-def]
     """Record the outputs at the engine's state, and a row if one is due or an event fires."""
     count = record.count
     _note_outputs(engine, record)
@@ -426,7 +428,7 @@ def note(engine, progress, interval, record, fired, due):  # type: ignore[no-unt
             _write(engine, record.events[count[2]])
             record.event_at[count[2]] = count[0] - 1
             count[2] += 1
-        progress[0].next_row = _row_after(engine.time[0], interval)
+        progress[0].next_row = _row_after(engine.time[0], plan.record_interval, plan.breaks)
 
 
 @inlined
@@ -511,7 +513,7 @@ def note_step(f, event, acted):  # type: ignore[no-untyped-def]
     """Record the outputs where a step ends, with a row at events, actions and the end, and where one is due."""
     t, progress = f.engine.time[0], f.progress
     due = t >= f.plan.t_end or t >= progress[0].next_row - 1e-9 * f.plan.timestep
-    note(f.engine, progress, f.plan.record_interval, f.record, event, acted or due or progress[0].status != _RUNNING)
+    note(f.engine, progress, f.plan, f.record, event, acted or due or progress[0].status != _RUNNING)
     f.record.count[3] += 1
 
 

@@ -316,7 +316,7 @@ def _row_here(engine, plan, progress, record, now, track):  # type: ignore[no-un
         track.mode[last] = now.mode[BEFORE]
         track.counts[0], track.t[2] = record.count[1], t
     if progress[0].next_row <= t + SAME:  # this is that row
-        progress[0].next_row = _row_after(t, plan.record_interval)
+        progress[0].next_row = _row_after(t, plan.record_interval, plan.breaks)
 
 
 @compiled
@@ -370,7 +370,7 @@ def _rows(engine, plan, progress, record, track):  # type: ignore[no-untyped-def
             _normalise(engine.model, address(row[1:]))
         row[0] = t
         record.count[1] += 1
-        progress[0].next_row = _row_after(t, plan.record_interval)
+        progress[0].next_row = _row_after(t, plan.record_interval, plan.breaks)
     return True
 
 
@@ -418,7 +418,7 @@ def _finish(engine, plan, progress, record, taps, history, now, reader, track, s
             status = _DIVERGED
     if end > t:
         # a row that is due here is of the next stretch, whose command is that from the right
-        note(engine, progress, plan.record_interval, record, False, status != _RUNNING)
+        note(engine, progress, plan, record, False, status != _RUNNING)
         _command(taps, now, track, record)
     return status
 
@@ -441,7 +441,7 @@ def _depart(engine, plan, progress, stepper, record, reader, track):  # type: ig
     _sample(engine, reader, track, engine.time[0])
     if progress[0].next_row <= engine.time[0] + SAME and progress[0].next_row < track.t[1] - SAME:
         note_row(engine, record)
-        progress[0].next_row = _row_after(engine.time[0], plan.record_interval)
+        progress[0].next_row = _row_after(engine.time[0], plan.record_interval, plan.breaks)
 
 
 class Stretches(NamedTuple):
@@ -524,7 +524,7 @@ def _travel(f):  # type: ignore[no-untyped-def]
             if status != _RUNNING or time[0] >= end:
                 break
             due = adaptive and time[0] >= progress[0].next_row - 1e-9 * plan.timestep
-            note(engine, progress, plan.record_interval, record, False, due)
+            note(engine, progress, plan, record, False, due)
             if not reader.joint:
                 _command(taps, now, track, record)
         if track.marks[1] == _FLYING:
@@ -571,6 +571,8 @@ def _note(f, event, acted):  # type: ignore[no-untyped-def]
     track, t = f.track, f.time[0]
     if event or is_over(f) or f.now.met[TURNS] != 0 or f.now.met[FALLS] != 0:
         _row_here(f.engine, f.plan, f.progress, f.record, f.now, track)
+    elif acted and track.t[2] < t:
+        f.progress[0].next_row = t  # the next stretch begins with it, whose command is that from the right
     if event:
         note_event(f.engine, f.record)
         track.rough[track.counts[1]] = t

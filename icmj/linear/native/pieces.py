@@ -60,6 +60,7 @@ from icmj.simulation.native.loop import (
     READY,
     Status,
     await_sample,
+    has_passed,
     is_due,
     is_watched,
     next_event,
@@ -271,7 +272,7 @@ def _travel(f):  # type: ignore[no-untyped-def]
     """To the end of the piece under way, or of the next one."""
     T, run = f.T, f.run
     counts, m = run.counts, len(run.row)
-    if counts[Count.EVENTS] == len(run.events):
+    if counts[Count.EVENTS] == len(run.events) or counts[Count.ROWS] + 2 > len(run.rows_t):
         return _RUNNING
     if counts[Count.CELL] < 0:
         _open(T, run)
@@ -326,18 +327,18 @@ def _cross(f, moved):  # type: ignore[no-untyped-def]
 
 @inlined
 def _note(f, event, acted):  # type: ignore[no-untyped-def]
-    """Record an event, and the row that belongs to it."""
+    """Record an event, and the row that belongs to it, to an action, or to an edge of what acts."""
     T, run = f.T, f.run
     now, counts, t, m, n_y = run.now, run.counts, run.now[Now.TIME], len(run.row), len(run.high)
-    if not event:
-        return
     z = run.w[:m]
-    if T.interval < np.inf:
+    if T.interval < np.inf and (event or acted or has_passed(T.edges, run.due[EDGE], t)):
         if t > now[Now.ROW]:
             copy(z, run.rows_z[_new_row(run, t)])
         if abs(counts[Count.NEXT] * T.interval - t) <= SAME:
             counts[Count.NEXT] += 1
             counts[Count.AGE] = FRESH  # the row of the grid was not taken, so none goes on from it
+    if not event:
+        return
     row = run.events[counts[Count.EVENTS]]
     row[0] = t
     copy(z, row[1 : 1 + m])

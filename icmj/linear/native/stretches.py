@@ -86,6 +86,7 @@ class Body(NamedTuple):
         interval: between rows [s].
         end: of the run [s].
         F: to Bernstein coefficients, degree p.
+        breaks: instants at which there are rows besides, rising, then infinity [s].
     """
 
     A: Array
@@ -101,13 +102,14 @@ class Body(NamedTuple):
     interval: float
     end: float
     F: Array
+    breaks: Array
 
 
 class Track(NamedTuple):
     """Where a run is, and what it records.
 
     Attributes:
-        t: now, and the last row [s], shape (2,).
+        t: now, the last row, and when the next row beside those of the interval is due [s], shape (3,).
         counts: next row by number, rows, events, and stretches until the caller is asked; shape (4,).
         X: state on the stretch, shape (n, p + 1).
         y: outputs, and a row to work in, shape (n_y + 1, p + 1).
@@ -251,7 +253,17 @@ def _extremes(body, now, track, length):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _row(now, track, t, theta):  # type: ignore[no-untyped-def]
+def _pass_rows(body, track, t):  # type: ignore[no-untyped-def]
+    """A row at ``t`` is the last; rows that were due there are."""
+    track.t[1] = t
+    if track.counts[0] * body.interval <= t + SAME:
+        track.counts[0] += 1
+    if track.t[2] <= t + SAME:
+        track.t[2] = body.breaks[np.searchsorted(body.breaks, t + SAME, side="right")]
+
+
+@compiled
+def _row(body, now, track, t, theta):  # type: ignore[no-untyped-def]
     """Record where it is ``theta`` units after the stretch's begin."""
     n, p, row = len(track.X), track.X.shape[1] - 1, track.rows[track.counts[1]]
     row[0] = t
@@ -261,7 +273,7 @@ def _row(now, track, t, theta):  # type: ignore[no-untyped-def]
         row[1 + n + i] = evaluate(now.u[i], p, theta)
     row[1 + n + len(now.u)] = now.mode[0]
     track.counts[1] += 1
-    track.t[1] = t
+    _pass_rows(body, track, t)
 
 
 @compiled
@@ -277,9 +289,7 @@ def _row_here(body, now, track, t):  # type: ignore[no-untyped-def]
         row[1 + n + i] = now.last[i]
     row[1 + n + len(now.u)] = now.mode[BEFORE]
     track.counts[1] += 1
-    track.t[1] = t
-    if track.counts[0] * body.interval <= t + SAME:
-        track.counts[0] += 1
+    _pass_rows(body, track, t)
 
 
 class Stretches(NamedTuple):
@@ -302,7 +312,7 @@ def _travel(f):  # type: ignore[no-untyped-def]
     taps, body, history, now, track = f.taps, f.body, f.history, f.now, f.track
     n, n_y, counts, X, t = len(track.X), len(body.C), track.counts, track.X, track.t[0]
     p = X.shape[1] - 1
-    most = int(min(taps.unit / body.interval, 1e9)) + 4  # rows of a stretch
+    most = int(min(taps.unit / body.interval, 1e9)) + 8  # rows of a stretch
     counts[3] -= 1
     if counts[3] < 0 or counts[1] + most > len(track.rows) or counts[2] + 2 >= len(track.events):
         return _RUNNING
@@ -326,10 +336,9 @@ def _travel(f):  # type: ignore[no-untyped-def]
         length, guard = fallen, -1
         end = t + length * taps.unit
     _extremes(body, now, track, length)
-    while counts[0] * body.interval < end - SAME:
-        at = counts[0] * body.interval
-        _row(now, track, at, (at - t) / taps.unit)
-        counts[0] += 1
+    while min(counts[0] * body.interval, track.t[2]) < end - SAME:
+        at = min(counts[0] * body.interval, track.t[2])
+        _row(body, now, track, at, (at - t) / taps.unit)
     if len(taps.tau) > 0:
         rows = history.r[remember(history, t, level)]
         for i in range(n_y):
@@ -358,6 +367,8 @@ def _note(f, event, acted):  # type: ignore[no-untyped-def]
     body, track, t, n, n_y = f.body, f.track, f.track.t[0], len(f.track.X), len(f.body.C)
     if event or is_over(f) or f.now.met[TURNS] != 0 or f.now.met[FALLS] != 0:
         _row_here(body, f.now, track, t)
+    elif acted and track.t[1] < t:
+        track.t[2] = t  # the next stretch begins with it, whose command is that from the right
     if not event:
         return
     row = track.events[track.counts[2]]

@@ -116,6 +116,12 @@ def is_due(instant, t):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def has_passed(edges, due, t):  # type: ignore[no-untyped-def]
+    """Whether the last edge before the one that is due next is at ``t``."""
+    return due > 0 and edges[due - 1] >= t - SAME
+
+
+@inlined
 def next_event(plan, now):  # type: ignore[no-untyped-def]
     """When the next event comes by itself [s]: that of the clock, or of the sample that is waited for."""
     return min(now.due[TICK] * plan.clock, now.when[SAMPLE])
