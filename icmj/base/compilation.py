@@ -13,6 +13,8 @@ process, and nothing would ever be found on disk.
 from __future__ import annotations
 
 import hashlib
+import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import wraps
@@ -22,8 +24,28 @@ from typing import Any
 from icmj.base import process
 from icmj.base.process import INTERPRETED
 
+
+@contextmanager
+def _without_yaml() -> Iterator[None]:
+    """Within the block PyYAML is not found.
+
+    numba takes settings from ``.numba_config.yaml`` in the working folder, among them the folder of its cache, whose
+    files run code, and does so only where it finds PyYAML as it is imported. Otherwise it warns of the file.
+    """
+    modules: dict[str, Any] = sys.modules
+    before = {name: modules[name] for name in ["yaml"] if name in modules}
+    modules["yaml"] = None
+    try:
+        yield
+    finally:
+        del modules["yaml"]
+        modules.update(before)
+
+
 if not INTERPRETED:
-    import numba
+    warnings.filterwarnings("ignore", "A Numba config file is found", UserWarning, r"numba\.core\.config")
+    with _without_yaml():
+        import numba
     from numba.core import event
 
 try:

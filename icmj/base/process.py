@@ -14,6 +14,8 @@ Compiling takes about ten seconds after installation. Whoever shows what is unde
 the time that passes how much of it is :func:`spent` so; a worker process passes its own state on by :func:`listen`.
 
 A program in a process of its own, held to limits: a damaged file or a crashing model ends it, and not this one.
+
+Independence of the working folder, in which somebody else's data may lie: nothing there is imported or sets anything.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Hashable, Iterator, Mapping, MutableMapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import chdir, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -533,3 +535,40 @@ def run_bounded(
         check=False,
         env={**os.environ, **(environment or {})},
     )
+
+
+def load_matplotlib_apart() -> None:
+    """Load matplotlib without ``matplotlibrc`` of the working folder, if there is one; for a process of icmj alone.
+
+    matplotlib looks there first when it is imported. Its settings are then those of the user's own folder, or of the
+    file that the environment names. No other thread may be at work yet: the process leaves the folder for the import.
+    """
+    if not os.path.lexists("matplotlibrc"):
+        return
+    for name in ("MATPLOTLIBRC", "MPLCONFIGDIR"):
+        if os.environ.get(name):
+            os.environ[name] = os.path.abspath(os.environ[name])
+    with chdir(os.path.dirname(os.path.abspath(__file__))), suppress(ImportError):
+        import_module("matplotlib")
+
+
+_starting = threading.RLock()
+
+
+@contextmanager
+def start_with_safe_path() -> Iterator[None]:
+    """Within the block a Python that is started, by whatever means, imports nothing from the working folder.
+
+    With ``-c`` and ``-m``, by which libraries start workers and their helpers, it would look there first. What is in
+    ``PYTHONPATH`` it still finds.
+    """
+    with _starting:
+        before = os.environ.get("PYTHONSAFEPATH")
+        os.environ["PYTHONSAFEPATH"] = "1"
+        try:
+            yield
+        finally:
+            if before is None:
+                del os.environ["PYTHONSAFEPATH"]
+            else:
+                os.environ["PYTHONSAFEPATH"] = before

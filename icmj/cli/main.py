@@ -26,6 +26,7 @@ from icmj.base.process import (
     EndRequest,
     Termination,
     collect_garbage_seldom,
+    load_matplotlib_apart,
     narrow,
     one_thread,
     skip_typeguard,
@@ -114,6 +115,7 @@ def _obey(arguments: list[str]) -> int:
                 "raise it",
                 BAD_INPUT,
             )
+        load_matplotlib_apart()
         import icmj.cli.cycles  # noqa: F401, for the commands that it registers
         from icmj.cli import arguments as given
         from icmj.cli import commands, terminal

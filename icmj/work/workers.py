@@ -2,8 +2,8 @@
 
 loky starts them afresh on every system (MuJoCo's callbacks and numba's threads do not survive a fork). They do not run
 the user's script again, so that it needs no guard, and functions that it defines itself reach them all the same. They
-know nothing of Ctrl-C, which is for this process to handle, and neither write to the terminal nor hold it open. One
-that dies takes only its own task with it.
+know nothing of Ctrl-C, which is for this process to handle, and neither write to the terminal nor hold it open. They
+import nothing from the working folder that this process does not. One that dies takes only its own task with it.
 
 Those who compute ranges of a plan, each by itself: processes on this machine, or a Dask cluster.
 
@@ -76,6 +76,7 @@ class Message:
 class _Worker:
     """One process, and the task that it has in hand."""
 
+    @process.start_with_safe_path()
     def __init__(self) -> None:
         from loky.backend import resource_tracker as lokys
 
@@ -207,6 +208,7 @@ def serve(theirs: Connection) -> None:
     for stream in range(3):
         os.dup2(nothing, stream)
     collect_garbage_seldom()
+    process.load_matplotlib_apart()
     process.listen_to_compiling(lambda begun: theirs.send(("compiling", begun)))
     tasks = SimpleQueue[bytes]()
     Thread(target=_listen, args=(theirs, tasks), daemon=True).start()

@@ -167,3 +167,43 @@ def test_a_daemonic_process_is_told_that_it_may_start_none(monkeypatch):
     monkeypatch.setitem(current_process()._config, "daemon", True)
     with pytest.raises(StudyError, match="daemonic process"), Workers(1) as workers:
         list(workers.run([Task("one", int, ())]))
+
+
+def test_nothing_in_the_working_folder_is_imported_by_them_or_their_helpers(tmp_path: Path) -> None:
+    """A ``copy.py`` of one's own ended them with status 70, and any other module there was run."""
+    marks = tmp_path / "marks"
+    work, script = tmp_path / "work", tmp_path / "script" / "icmj"
+    for folder in (work, script.parent):
+        folder.mkdir()
+    for name in sys.stdlib_module_names | {"loky", "cloudpickle", "numpy", "icmj", "sitecustomize", "usercustomize"}:
+        (work / f"{name}.py").write_text(f"open({str(marks)!r}, 'a').write({name!r} + chr(10))")
+    script.write_text(
+        "import os, sys\n"
+        "from icmj.work.workers import Task, Workers\n"
+        "before = dict(os.environ)\n"
+        "with Workers(2) as workers:\n"
+        "    news = [*workers.run([Task('sys.path', lambda progress: __import__('sys').path, ()) for _ in range(2)])]\n"
+        "print(dict(os.environ) == before, *(os.getcwd() in one.value for one in news))\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    how = {"capture_output": True, "text": True, "timeout": PATIENCE}
+    done = subprocess.run([sys.executable, script], **how, env=environment, cwd=work)
+    assert done.stdout == "True False False\n", done.stderr
+    assert not marks.exists(), marks.read_text()
+
+
+def test_what_a_worker_needs_from_a_script_s_own_folder_it_finds(tmp_path: Path) -> None:
+    """Also where that is the working folder: what Python searches for the script, it searches for the worker."""
+    (tmp_path / "helper.py").write_text("def twice(x, progress):\n    return 2 * x\n")
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from helper import twice\n"
+        "from icmj.work.workers import Task, Workers\n"
+        "with Workers(1) as workers:\n"
+        "    print(*(one.value for one in workers.run([Task('twice', twice, (2,))])))\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    how = {"capture_output": True, "text": True, "timeout": PATIENCE, "env": environment, "cwd": tmp_path}
+    for command in ([script], ["-c", script.read_text()]):
+        done = subprocess.run([sys.executable, *command], **how)
+        assert done.stdout == "4\n", done.stderr
