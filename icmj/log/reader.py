@@ -388,7 +388,7 @@ def _sound(path: Path, say: Say) -> Iterator[Path]:
 
 def _view(logs: Sequence[Path]) -> None:
     """The viewer in a window, until it is closed."""
-    with _running([*_base(_free_port()), *map(str, logs)]) as (process, messages):
+    with _running(_base(_free_port()), logs) as (process, messages):
         _await_end(process)
         if process.returncode not in (0, -2, -15):
             raise LogError(f"the viewer cannot open a window ({_reason(messages)}); try --web or --screenshot PNG")
@@ -397,8 +397,8 @@ def _view(logs: Sequence[Path]) -> None:
 def _serve(logs: Sequence[Path], say: Say) -> None:
     """The viewer's web page and the logs behind it, on the loopback address, until interrupted."""
     port, web_port = _free_port(), _free_port()
-    command = [*_base(port), "--serve-web", "--web-viewer-port", str(web_port), *map(str, logs)]
-    with _running(command) as (process, messages):
+    command = [*_base(port), "--serve-web", "--web-viewer-port", str(web_port)]
+    with _running(command, logs) as (process, messages):
         for each in (port, web_port):
             _await_port(each, process, messages)
         data = quote(f"rerun+http://{LOOPBACK}:{port}/proxy", safe="")
@@ -423,8 +423,8 @@ def _screenshot(log: Path, target: Path, time: float | None, size: tuple[int, in
     if not between(at, 0.0, end):
         raise LogError(f"{log}: no instant {at:g} s in this log; it runs from 0 to {end:g} s")
     port = _free_port()
-    command = [*_base(port), "--headless", "--window-size", f"{size[0]}x{size[1]}", str(log)]
-    with _running(command) as (process, messages):
+    command = [*_base(port), "--headless", "--window-size", f"{size[0]}x{size[1]}"]
+    with _running(command, [log]) as (process, messages):
         _await_port(port, process, messages)
         try:
             picture = _picture(port, at)
@@ -470,12 +470,17 @@ def _base(port: int) -> list[str]:
 
 
 @contextlib.contextmanager
-def _running(command: list[str]) -> Iterator[tuple[subprocess.Popen[bytes], IO[bytes]]]:
-    """The viewer as a child that does not outlive the block; its messages go to a temporary file."""
+def _running(command: list[str], logs: Sequence[Path]) -> Iterator[tuple[subprocess.Popen[bytes], IO[bytes]]]:
+    """The viewer as a child that does not outlive the block; its messages go to a temporary file.
+
+    It works in the topmost folder: it reads settings, ``kittest.toml``, in its working folder and all above.
+    """
     # errors only: every warning would be drawn over the picture as a notification
     environment = os.environ | {"RUST_LOG": "error", "RERUN_APP_ONLY": "true"}
     with terminable(), interrupt_once(), tempfile.TemporaryFile() as messages:
-        process = subprocess.Popen(command, stdout=messages, stderr=messages, env=environment)
+        paths = [log.absolute() for log in logs]
+        words, top = [*command, *map(str, paths)], paths[0].anchor
+        process = subprocess.Popen(words, stdout=messages, stderr=messages, env=environment, cwd=top)
         try:
             yield process, messages
         finally:
