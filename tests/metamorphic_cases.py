@@ -4,7 +4,10 @@ The rules need no oracle: each compares a run with another of the same file, cha
 
 * ``later``: what begins at t leaves everything before t as it was, however large or small it is;
 * ``longer``: a run of T and a longer one are equal up to T, events at T included;
-* ``rows``: what is recorded changes no bit of the motion;
+* ``rows``: what is recorded changes no bit of the motion, and what is measured of it no more than interpolation errs;
+  the first or the last row changes no measure by more than its share;
+* ``instants``: what begins on a row, an event or a tick, beside it by rounding, or between them, is exported alike at
+  any rate, whatever the rows, and changes nothing that is exported of the time before;
 * ``order``: where two instants coincide, the run is the limit of runs in which they follow one another in the order
   that docs/simulation.md states: an edge just before, then the action, then tick or threshold;
 * ``shift``: from rest, moving every instant by the same time moves the run;
@@ -31,6 +34,8 @@ import numpy as np
 
 import icmj
 from icmj.case.plants import linear_plant
+from icmj.controller.controller import has_trigger
+from icmj.measurement.sway import measure_sway
 from icmj.simulation.settings import reseeded
 
 GROWTH = 1e5  # of a difference, from one event to the next
@@ -38,6 +43,8 @@ ROUNDING = 1e-12  # s, of an event on either plant
 NONLINEAR = 1e-7  # of the sway, where it is scaled by SMALL
 SMALL = 1e-4
 JUST = 1e-9  # s, how long before another an instant is that is to come first
+SHARES = 20  # of a measure that a row may change it by
+EXPORTED = 1e-4  # of a signal, between rows some 2 ms apart; rows of outputs 10 ms apart
 TOGETHER = 1e-4  # s; motions whose events lie further apart are no longer compared
 
 
@@ -295,6 +302,8 @@ def _rows(drawn: Drawn, rng: random.Random, plant: str) -> str:
     for name in ("t", "x", "x_o", "x_h"):
         if not np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True):
             return f"rows at another interval change {name} of events"
+    if words := _measured(drawn, rng, plant):
+        return words
     # extremes in MuJoCo are those of polynomials through samples, of which rows are some: few within short intervals
     size = max(np.abs(a.y_max).max(initial=0.0), np.abs(a.y_min).max(initial=0.0))
     for name in ("y_max", "y_min"):
@@ -302,6 +311,99 @@ def _rows(drawn: Drawn, rng: random.Random, plant: str) -> str:
         close = 0.0 if plant == "linear" else 1e-5 * size
         if not np.allclose(one, other, rtol=0, atol=close):
             return f"rows at another interval change {name} of events by {np.abs(one - other).max():.1e}"
+    return ""
+
+
+def exported(run: icmj.Simulation, drawn: Drawn, rate: float) -> icmj.Series:
+    """Its signals at a rate [Hz], as `icmj export` gives them."""
+    law = icmj.prepare(file_of(drawn)).controller
+    trigger = trigger_of(drawn)
+    if trigger is not None:
+        law = law.triggered_by(trigger)
+    return run.to_series(rate, law if has_trigger(law) else None)
+
+
+def _share(series: icmj.Series, rows: slice) -> str:
+    """How a measure of a record without some rows differs by more than their share; empty if none does.
+
+    A mean over n rows changes by 1/n of the largest thing that it is a mean of; what is a mean of squares, or a root,
+    or follows from a spectrum, by some such shares of its own size: :data:`SHARES` of them, as of a motion that grows
+    by this factor over the record.
+    """
+    part = replace(series, t=series.t[rows], values=series.values[rows])
+    one, other = (measure_sway(of).coordinates for of in (series, part))
+    share = SHARES * (len(series) - len(part)) / len(part)
+    spacing = 2 / (series.t[-1] - series.t[0])  # of the spectrum's lines, which are as fine as its windows are long
+    for a, b in zip(one, other, strict=True):
+        path = np.abs(np.diff(series[a.name])).max() / (series.t[1] - series.t[0])
+        for name, first, second, size in (
+            ("mean", a.mean, b.mean, a.range),
+            ("rms", a.rms, b.rms, a.range),
+            ("mean distance", a.mean_distance, b.mean_distance, a.range),
+            ("speed", a.speed, b.speed, path),
+            ("mean frequency", a.frequencies.mean, b.frequencies.mean, a.frequencies.mean + spacing),
+            ("median frequency", a.frequencies.median, b.frequencies.median, a.frequencies.median + spacing),
+        ):
+            if np.isnan(first) != np.isnan(second) or abs(first - second) > share * size:
+                return f"{name} of {a.name} is {first:.6g} of all rows and {second:.6g} of all but {len(series)}"
+    return ""
+
+
+def _measured(drawn: Drawn, rng: random.Random, plant: str) -> str:
+    """What is measured at 100 Hz, whatever was recorded, and whether the first or the last row is there."""
+    fine = drawn.changed(simulation__record_interval=0.005, simulation__timestep=None)
+    run = play(fine, plant)
+    series = exported(run, drawn, 100.0)
+    outputs = [name for name in series.names if name.startswith("y.")]
+    found = series.chosen(outputs)
+    if len(found) < 30:
+        return ""
+    for rows in (slice(1, None), slice(None, -1)):
+        if words := _share(found, rows):
+            return words
+    other = exported(play(fine.changed(simulation__record_interval=0.01), plant), drawn, 100.0).chosen(outputs)
+    off = np.abs(other.values - found.values[: len(other)]).max() / max(np.abs(found.values).max(), 1e-9)
+    return f"outputs at 100 Hz differ by {off:.1e} of the largest, by the interval of rows" if off > EXPORTED else ""
+
+
+def _instants(drawn: Drawn, rng: random.Random, plant: str) -> str:
+    """A step on an instant of the grid, where rows, ticks and events are, or between, with rows of any interval."""
+    _, pushed, size, _, _ = body(drawn.base)
+    start = drawn.grid * rng.randint(2, max(int(drawn.duration / drawn.grid) - 1, 2)) + rng.choice((0.0, 0.0, 0.00237))
+    key = "simulation.disturbance"
+
+    def with_step(at: float | None, interval: float) -> Drawn:
+        more = [] if at is None else [{"kind": "step", "input": pushed, "size": size, "start": at}]
+        changes = {**drawn.changes, key: [*drawn.changes.get(key, []), *more]}
+        return replace(drawn, changes={**changes, "simulation.record_interval": interval, "simulation.timestep": None})
+
+    rate, runs = rng.choice((100.0, 331.0, 1000.0)), {}
+    for interval in (0.002, 0.00137, 1 / rate):
+        one = with_step(start, interval)
+        runs[interval] = run = play(one, plant)
+        found = exported(run, one, rate)
+        if interval == 0.002:
+            first = found
+    known, names, size_of = found, first.names, np.nanmax(np.abs(found.values), axis=0)
+    for interval in (0.002, 0.00137):
+        found = exported(runs[interval], with_step(start, interval), rate)
+        off = np.nan_to_num(np.abs(found.values - known.values[: len(found)]) / np.where(size_of > 0, size_of, 1.0))
+        off[:, [name == "interval" for name in names]] = 0
+        at = np.unravel_index(off.argmax(), off.shape)
+        if off[at] > EXPORTED:
+            return f"{names[at[1]]} at {found.t[at[0]]:.6f} s differs by {off[at]:.1e}, of rows {interval} s apart"
+    # rows of an instant that is another by rounding only
+    floor = ROUNDING if plant == "linear" else 1e-9
+    for slip in (-4e-13, 4e-13):
+        if words := differ(runs[0.002], play(with_step(start + slip, 0.002), plant), drawn.duration, floor):
+            return f"{words}, where it is {slip:g} s later"
+    before = exported(play(with_step(None, 0.002), plant), with_step(None, 0.002), rate)
+    rows = min(int((first.t < start - 1e-9).sum()), len(before))
+    for name in sorted(set(before.names) - {"interval"}):
+        size = float(np.nanmax(np.abs(known[name]))) or 1.0
+        off = np.nan_to_num(np.abs(first[name][:rows] - before[name][:rows])) / size
+        if off.max() > EXPORTED:
+            return f"{name} at {first.t[off.argmax()]:.6f} s differs by {off.max():.1e} by a step at {start:.6f} s"
     return ""
 
 
@@ -437,6 +539,7 @@ RULES: dict[str, Callable[[Drawn, random.Random, str], str]] = {
     "later": _later,
     "longer": _longer,
     "rows": _rows,
+    "instants": _instants,
     "order": _order,
     "shift": _shift,
     "plants": _plants,

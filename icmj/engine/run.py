@@ -265,9 +265,8 @@ def simulate(
 
     Returns:
         The run, recorded at multiples of ``record_interval`` (of fixed steps at the first end there or later), at every
-        event (values just before the reset), at every action and where what is given jumps (values after it), and at the
-        end. ``u`` is the command
-        −k̂x_h; ``applied`` what acts of it and the disturbance beside it. ``precision``
+        event (values just before the reset), at every action and where what is given jumps (values after it), and at
+        the end. ``u`` is the command −k̂x_h; ``applied`` what acts of it and the disturbance beside it. ``precision``
         has ``integrator``, ``order``, ``timestep`` [s] (the mean, of adapted steps, with their ``tolerance``),
         ``event_tolerance`` [s], ``interval_error`` [s], ``output_error`` (relative; both estimated over one interval),
         ``output_errors`` (of each output), ``state_error`` (largest of a state), ``steps``, ``seconds``,

@@ -14,12 +14,13 @@ from icmj.base.numbers import Card, WithCard
 from icmj.case.case import Case, PlantKind, prepare, revise, simulate, simulate_plant
 from icmj.case.plants import linear_plant
 from icmj.controller.controller import has_trigger
+from icmj.engine.plant import MujocoPlant
 from icmj.errors import SimulationError, expect
 from icmj.measurement.sway import sway_numbers
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import short
-from icmj.series.series import Series
-from icmj.simulation.settings import Settings, reseeded
+from icmj.series.series import NEAR, Series
+from icmj.simulation.settings import MOST_ROWS, Settings, reseeded
 from icmj.simulation.simulation import Simulation
 from icmj.work.workers import Task, Workers, processes
 
@@ -27,7 +28,6 @@ SIGNALS = ("x", "y", "u", "x_o", "x_h")
 NAMES = (*SIGNALS, "events", "sway")
 Keep = Sequence[str] | Callable[[Simulation], Mapping[str, ArrayLike]]
 _AT_ONCE = 50  # runs that a process is given
-_SAME = 1e-9  # s
 _ALONE = 8  # runs that are not worth a process
 
 
@@ -176,12 +176,12 @@ def _some(
         case = _vary(base, {key: values[index].item() for key, values in varied.items()})
         case = replace(case, settings=reseeded(case.settings, int(seed)))
         if callable(keep) or plant != "linear":
-            found = simulate(case, plant)
+            found = simulate(case if callable(keep) else _record_steps(case), plant)
         else:  # without the centre of pressure, which nobody asks for
             actual = linear_plant(case.actual, case.settings)
             found = simulate_plant(actual, case.controller, case.settings, match="position")
         told.outcome.append(found.outcome.kind)
-        values = _numbers(keep(found)) if callable(keep) else _name(found, keep, case.settings)
+        values = _numbers(keep(found)) if callable(keep) else _name(found, keep, case)
         for name, value in values.items():
             told.kept.setdefault(name, []).append(value)
         if progress is not None:
@@ -261,34 +261,46 @@ def _grid(settings: Settings) -> Array:
     return instants(settings.record_interval, settings.duration)
 
 
-def _name(found: Simulation, keep: Sequence[str], settings: Settings) -> dict[str, Array]:
+def _record_steps(case: Case) -> Case:
+    """The case with a row at each step of a fixed length: these end beside the multiples of its record interval."""
+    settings = case.settings
+    given = settings.timestep is not None or settings.integrator is not None
+    if not given or not isinstance(case.actual, MujocoPlant):
+        return case
+    step = settings.timestep or float(case.actual.model.opt.timestep)
+    if not settings.duration / MOST_ROWS <= step < settings.record_interval:
+        return case
+    return replace(case, settings=replace(settings, record_interval=step))
+
+
+def _name(found: Simulation, keep: Sequence[str], case: Case) -> dict[str, Array]:
     """The quantities to keep under these names."""
     kept: dict[str, Array] = {}
     for name in keep:
         if name == "events":
             kept[name] = found.events.t
         elif name == "sway":
-            y = _rows(found, "y", settings)
+            y = _rows(found, "y", case)
             there = np.isfinite(y).all(axis=1)
             labels = found.labels
-            series = Series(_grid(settings)[there], y[there], labels.outputs, labels.output_units)
+            series = Series(_grid(case.settings)[there], y[there], labels.outputs, labels.output_units)
             kept |= {f"sway.{name}": value for name, value in sway_numbers(series).items()}
         else:
-            kept[name] = _rows(found, name, settings)
+            kept[name] = _rows(found, name, case)
     return kept
 
 
-def _rows(found: Simulation, name: str, settings: Settings) -> Array:
-    """A signal at the multiples of the record interval, NaN after the end."""
-    t, values = _grid(settings), getattr(found, name)
-    at = np.minimum(np.searchsorted(found.t, t - _SAME), len(found.t) - 1)
-    there = np.abs(found.t[at] - t) < _SAME
+def _rows(found: Simulation, name: str, case: Case) -> Array:
+    """A signal at the multiples of the record interval, NaN after the end; between rows where none is there."""
+    t, values = _grid(case.settings), getattr(found, name)
+    at = np.minimum(np.searchsorted(found.t, t - NEAR), len(found.t) - 1)
+    there = np.abs(found.t[at] - t) < NEAR
     rows = np.full((len(t), values.shape[1]), np.nan)
     if there[t <= found.t[-1]].all():
         rows[there] = values[at[there]]
         return rows
-    # a fixed timestep goes on from every event
-    series = found.to_series(rate=1 / settings.record_interval)
+    law = case.controller
+    series = found.to_series(1 / case.settings.record_interval, law if has_trigger(law) else None)
     columns = [place for place, column in enumerate(series.names) if column.startswith(f"{name}.")]
     rows[: len(series)] = series.values[: len(t), columns]
     return rows

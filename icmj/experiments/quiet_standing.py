@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from icmj.base.array import Array, between
 from icmj.base.numbers import Card, WithCard, readable
 from icmj.errors import AnalysisError, DataError
-from icmj.measurement.statistics import FEWEST, Modality, modality
+from icmj.measurement.statistics import FEWEST, Modality, cut_windows, modality
 from icmj.measurement.sway import MEASURES, sway_numbers
 from icmj.series.series import Series, even_series
 
@@ -289,8 +289,9 @@ def intersection_point(
 ) -> IntersectionPoint:
     """The intersection point, from a recorded or simulated force and centre of pressure.
 
-    Windows overlap by half; each is detrended by a straight line, weighted by Hann's window and padded with zeros to
-    twice its length. At 100 Hz they are the 512 samples of Sugimoto-Dimitrova et al.
+    Windows overlap by half, or by so much more that the last ends with the record. Each is detrended by a straight
+    line, weighted by Hann's window and padded with zeros to twice its length. At 100 Hz they are the 512 samples of
+    Sugimoto-Dimitrova et al.
 
     Args:
         series: a series that contains both signals, with their units.
@@ -379,11 +380,7 @@ def average(points: list[IntersectionPoint]) -> tuple[IntersectionPoint, Array]:
 
 def _cross_spectrum(values: Array, step: float, length: int) -> tuple[Array, Array, int]:
     """Frequencies, real part of the cross-spectrum (F, 2, 2), and how many windows it is of."""
-    from scipy.signal import detrend
-    from scipy.signal.windows import hann
-
-    starts = range(0, len(values) - length + 1, length // 2)
-    parts = detrend(np.stack([values[i : i + length] for i in starts]), axis=1) * hann(length, sym=False)[:, None]
+    parts = cut_windows(values, length, "linear")
     Y = np.fft.rfft(parts, PADDED * length, axis=1)
     S = np.einsum("wfi,wfj->fij", Y, Y.conj()).real / len(parts)
     return np.asarray(np.fft.rfftfreq(PADDED * length, step), float), np.asarray(S, float), len(parts)

@@ -29,7 +29,7 @@ FEWEST, FEWEST_INTERVALS = 3, 3  # pairs of an interval; intervals
 RESAMPLES, FEWEST_RESAMPLES, CONFIDENCE = 2000, 100, 0.95
 OUTLYING = 5.0  # deviations of RT1
 _NORMAL = 1.4826  # standard deviations in a median deviation of normal numbers
-_NOTHING = 1e-12  # s²: a line that is better by less is none, and no mean is known better than its root
+_NOTHING = 1e-12  # s²: a line that is better by less is none
 _AT_ONCE = 4_000_000  # numbers drawn at a time
 
 
@@ -60,13 +60,13 @@ class Refractoriness(WithCard):
         rt1, rt2: mean reaction times [s], shape (K,).
         rt1_error, rt2_error: their standard errors [s], shape (K,).
         rt1_mean: mean first reaction time over all pairs [s].
-        free: intercept a of the line a + b ISI, which the mean RT2 − RT1 of the pairs of each interval follows until it
-            reaches zero; a and b are fitted.
+        free: intercept a of the line a + b ISI, which RT2 − mean RT1 follows until it reaches zero, both of the pairs
+            of the same intervals; a and b are fitted.
         slope: its slope b, without a unit; −1 under a refractory period. NaN if fewer than two intervals are on the
             line.
         fixed: the intercept of the same line with b = −1.
-        largest: largest interval at which RT2 is longer than RT1 of the same pairs, by an analysis of variance followed
-            by paired t-tests with Holm's correction, at 5 % in total; 0 s if there is none.
+        largest: largest interval at which RT2 is longer than RT1, by an analysis of variance followed by Welch's tests
+            with Holm's correction, at 5 % in total; 0 s if there is none.
         range: largest minus smallest mean RT2, which is less than the duration by the shortest interval tested.
         p: p-value of the analysis of variance (RT1 of all pairs, RT2 of each interval).
         discarded: number of pairs that were left out, because they have no reaction times or an outlying RT1.
@@ -116,7 +116,8 @@ def refractoriness(
             :func:`icmj.experiments.reconstruct_steps`; pairs with NaN are left out.
         alike: intervals that differ by at most this count as equal [s]; in a record they are known to one sampling
             interval.
-        shortest: shortest interval that the two regressions use [s]; shorter ones may be within one sampling delay.
+        shortest: shortest interval that ``free``, ``fixed`` and ``largest`` use, of RT1 as of RT2 [s]; the steps of
+            shorter ones may be within one sampling delay, where RT1 is another, too.
         outlying: pairs are left out if their RT1 deviates from the median by more than this number of standard
             deviations (estimated from the median deviation) and by more than ``alike``: a person who had just sampled
             was refractory at the first step.
@@ -200,8 +201,7 @@ def group_intervals(isi: Array, alike: float) -> tuple[Array, np.ndarray]:
 
 
 def _moments(groups: list[Array]) -> tuple[Array, ...]:
-    """Of draws of each interval (D, n_k, 2): counts (K,), means and variances of RT1, RT2, RT2 − RT1 (D, K, 3)."""
-    groups = [np.concatenate([part, np.diff(part, axis=2)], axis=2) for part in groups]
+    """Of draws of each interval (D, n_k, 2): counts (K,), means (D, K, 2), variances (D, K, 2)."""
     count = np.array([part.shape[1] for part in groups])
     mean = np.stack([part.mean(axis=1) for part in groups], axis=1)
     variance = np.stack([part.var(axis=1, ddof=1) for part in groups], axis=1)
@@ -221,11 +221,11 @@ def _resample(values: Array, shortest: float, of: list[Array], random: np.random
 
 def _estimates(isi: Array, shortest: float, count: np.ndarray, mean: Array, variance: Array) -> Array:
     """Free intercept, its slope, that of slope −1, largest interval, and range; shape (D, 5)."""
-    later = mean[:, :, 2]  # of the same pairs: RT1 may depend on the interval, too, where one sample holds both steps
-    seen = between(isi, shortest)
-    free, slope = _broken_line(isi[seen], later[:, seen])
-    fixed = _fixed_line(isi[seen], later[:, seen])
-    return np.column_stack([free, slope, fixed, _largest(isi, count, mean, variance), np.ptp(mean[:, :, 1], axis=1)])
+    span, seen = np.ptp(mean[:, :, 1], axis=1), between(isi, shortest)
+    isi, count, mean, variance = isi[seen], count[seen], mean[:, seen], variance[:, seen]
+    later = mean[:, :, 1] - (mean[:, :, 0] @ (count / count.sum()))[:, None]
+    free, slope = _broken_line(isi, later)
+    return np.column_stack([free, slope, _fixed_line(isi, later), _largest(isi, count, mean, variance), span])
 
 
 def _broken_line(isi: Array, later: Array) -> tuple[Array, Array]:
@@ -261,11 +261,15 @@ def _largest(isi: Array, count: np.ndarray, mean: Array, variance: Array) -> Arr
     """Largest interval at which RT2 is longer than RT1, after an analysis of variance; 0 where none is; shape (D,)."""
     from scipy.stats import t as student
 
-    n, (m1, m2, later), (v1, v2, spread) = count.sum(), np.moveaxis(mean, 2, 0), np.moveaxis(variance, 2, 0)
+    n, (m1, m2), (v1, v2) = count.sum(), np.moveaxis(mean, 2, 0), np.moveaxis(variance, 2, 0)
     all1 = m1 @ count / n
     within = v1 @ (count - 1) + ((m1 - all1[:, None]) ** 2) @ count
+    var1 = within / (n - 1)
     differ = _p_of(all1, n, within, m2, count, v2 @ (count - 1)) < LEVEL
-    p = student.sf(later / np.sqrt(np.maximum(spread / count, _NOTHING)), count - 1)
+    a, b = (var1 / n)[:, None] + 0 * v2, v2 / count
+    size = np.sqrt(np.maximum(a + b, 1e-24))
+    freedom = np.maximum((a + b) ** 2, 1e-48) / np.maximum(a**2 / (n - 1) + b**2 / (count - 1), 1e-48)
+    p = student.sf((m2 - all1[:, None]) / size, np.maximum(freedom, 1.0))
     order = np.argsort(p, axis=1, kind="stable")
     held = np.take_along_axis(p, order, axis=1) * np.arange(len(isi), 0, -1) >= LEVEL
     rejected = np.zeros(p.shape, dtype=bool)

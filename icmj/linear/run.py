@@ -73,8 +73,9 @@ def simulate_tapped(
 
     Returns:
         Recorded at multiples of ``record_interval``, at every event (values just before it), at every action and where
-        what is given jumps (values after it), and at the end. Events are those of the rule or the clock, or, of a controller without them, its switches; they are exact to 1e-12 s. What
-        the controller's state means is not known here: observer, hold and event function are not recorded.
+        what is given jumps (values after it), and at the end. Events are those of the rule or the clock, or, of a
+        controller without them, its switches; they are exact to 1e-12 s. What the controller's state means is not known
+        here: observer, hold and event function are not recorded.
 
     Raises:
         SimulationError: if plant and controller do not fit, a start state is unknown, of the wrong shape or not

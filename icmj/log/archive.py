@@ -44,6 +44,7 @@ from icmj.measurement.statistics import Estimate, Spectrum, Statistics
 from icmj.plant.linear_plant import LinearPlant, Push
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import MOST_BYTES, Kept, RunFile
+from icmj.simulation.disturbance import acting_on, collect_drives
 from icmj.simulation.ending import Outcome
 from icmj.simulation.simulation import Events, Labels, Pressure, Simulation
 from icmj.theory.circle import Crossing
@@ -215,6 +216,7 @@ def _simulation(result: Result, name: str, simulation: Simulation, m: int) -> No
             ("terms", None, 6),
         ):
             _shape(f"{name}.setpoint.{key}", getattr(followed, key), *shape)
+    _rising(f"{name}.edges", simulation.edges, least=0)
     K = _rising(f"{name}.events.t", events.t, least=0)
     _require(K == 0 or events.t[-1] <= simulation.t[-1] * (1 + 1e-9), f"{name}.events.t", "ends after the run")
     for key, width in (("x", n), ("x_o", m), ("x_h", m), ("y_max", n_y), ("y_min", n_y)):
@@ -408,7 +410,11 @@ def unpack(tree: str, arrays: Flat) -> Result:
             what its dataclasses promise.
     """
     try:
-        result = _decode(json.loads(tree), arrays)
+        result = _decode(parts := json.loads(tree), arrays)
+        if "edges" not in parts["simulation"]:  # a log of before: its run file says when what is given jumps
+            acting = acting_on(result.actual, result.run.simulation.settings())
+            drives = collect_drives(result.controller, acting, result.simulation.t)
+            result = replace(result, simulation=replace(result.simulation, edges=drives["edges"]))
     except IcmjError:
         raise
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, MemoryError, RecursionError) as error:

@@ -19,6 +19,7 @@ from icmj.errors import ReportError
 from icmj.experiments.quiet_standing import Finding, Standing
 from icmj.experiments.reconstruction import Reconstruction
 from icmj.experiments.refractoriness import Refractoriness
+from icmj.measurement.statistics import cut_windows, hann
 from icmj.report import style
 from icmj.report.figures import COLOURS
 from icmj.report.style import symbol
@@ -356,7 +357,6 @@ def sway_figure(
         predicted, observed: what simulated trials (n, m) and recorded ones (k, m) measure.
     """
     from matplotlib.figure import Figure
-    from scipy.signal import welch
 
     figure = Figure(figsize=(170 * style.MM, 120 * style.MM), layout="constrained")
     above, below = np.ravel(figure.subfigures(2, 1, height_ratios=(1.25, 1), squeeze=False))
@@ -366,7 +366,9 @@ def sway_figure(
     room = 1000 * max(float(np.ptp(x)) for x, _, _ in lines)
     for i, (x, colour, name) in enumerate(lines):
         path.plot(np.arange(len(x)) / rate, 1000 * (x - x.mean()) - 1.05 * i * room, color=colour, linewidth=0.7)
-        f, power = welch(x, rate, nperseg=min(len(x), steps_in(20.48 * rate)), detrend="linear")
+        parts = cut_windows(x[:, None], min(len(x), steps_in(20.48 * rate)), "linear")[:, :, 0]
+        f, power = np.fft.rfftfreq(parts.shape[1], 1 / rate), (np.abs(np.fft.rfft(parts, axis=1)) ** 2).mean(axis=0)
+        power *= 2 / rate / (hann(parts.shape[1]) ** 2).sum()
         kept = (f > 0) & between(f, 0.0, 10.0)
         label = None if name in named else name
         spectrum.loglog(f[kept], 1e6 * power[kept], color=colour, linewidth=0.8, alpha=0.8, label=label)

@@ -22,7 +22,7 @@ from icmj.base.files import open_file, whole
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.formats import HEAD, LINES, LONGEST_LINE, CsvShape, csv_shape, group_for, groups_of, header_of
-from icmj.series.series import Series, place, see_names_differ, step_of
+from icmj.series.series import COUNTER, Series, place, see_names_differ, step_of
 
 MOST_BYTES = 500_000_000
 MOST_NUMBERS = 12_000_000  # that are read, times among them; measuring them takes a gigabyte and a half
@@ -85,6 +85,8 @@ class _Choice:
     Attributes:
         at: their places in the file.
         names, units: of the signals.
+        counter: place of the number of events before each row of a run, read behind the signals if not among them;
+            ``None`` where there is none.
         second: what the times are in [s]; ``None`` where there are no times.
         step: between rows without times [s].
     """
@@ -94,6 +96,7 @@ class _Choice:
     units: tuple[str, ...]
     second: float | None
     step: float
+    counter: int | None = None
 
     @classmethod
     def of(cls, headers: Sequence[str], units: Sequence[str], columns: Sequence[str], rate: float | None) -> _Choice:
@@ -117,10 +120,12 @@ class _Choice:
             raise DataError("no column of numbers beside the times")
         known = [names[i] for i in kept]
         see_names_differ(known)
+        counter = next((i for i in kept if names[i] == COUNTER and not units[i]), None)
         if columns:
             kept = [kept[place(known, name)] for name in columns]
-        at = kept if clock is None else [clock, *kept]
-        return cls(tuple(at), tuple(names[i] for i in kept), tuple(units[i] for i in kept), second, step)
+        counter = None if counter in kept else counter
+        at = (*([] if clock is None else [clock]), *kept, *([] if counter is None else [counter]))
+        return cls(at, tuple(names[i] for i in kept), tuple(units[i] for i in kept), second, step, counter)
 
     def room(self, rows: int) -> Array:
         """An array for this number of rows.
@@ -137,9 +142,13 @@ class _Choice:
 
     def series(self, data: Array) -> Series:
         """The series from the data that were read."""
-        if self.second is None:
-            return Series(np.arange(len(data), dtype=float) * self.step, data, self.names, self.units)
-        return Series(data[:, 0] * self.second, data[:, 1:], self.names, self.units)
+        t = np.arange(len(data), dtype=float) * self.step
+        if self.second is not None:
+            t, data = data[:, 0] * self.second, data[:, 1:]
+        if self.counter is None:
+            return Series(t, data, self.names, self.units)
+        whole = Series(t, data, (*self.names, COUNTER), (*self.units, ""))
+        return whole.chosen(self.names)
 
 
 def _read_opensim(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:

@@ -48,6 +48,8 @@ DIMENSIONS = {
     "load": "contact",
     "r": "channel",
 }
+STEADY = ("x", "y", "x_o")  # of these, those that bend where an input jumps, and do not jump
+COUNTER = "interval"  # of a run's signals, the number of events before each row
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,6 +62,8 @@ class Series(WithCard):
         names: unique names of the signals, length w.
         units: units of the signals, such as rad or N m; "" if unknown; length w.
         facts: further information about them, as text by topic.
+        jumps: times of rows after which signals of a run jump [s]: where its ``interval``, the number of events before
+            a row, rises.
 
     Raises:
         DataError: on construction, if shapes and names do not fit, or times do not increase.
@@ -70,6 +74,7 @@ class Series(WithCard):
     names: tuple[str, ...]
     units: tuple[str, ...] = ()
     facts: dict[str, str] = field(default_factory=dict)
+    jumps: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         t, values = np.asarray(self.t, dtype=float), np.asarray(self.values, dtype=float)
@@ -84,7 +89,10 @@ class Series(WithCard):
         if len(wrong) or not np.isfinite(t[:1]).all() or not np.isfinite(t[-1:]).all():
             at = int(wrong[0]) + 1 if len(wrong) else 0
             raise DataError(f"times do not rise at row {at + 1}: {t[at]:g} s after {t[max(at - 1, 0)]:g} s")
-        for name, value in (("t", t), ("values", values), ("names", names), ("units", units)):
+        jumps = self.jumps
+        if COUNTER in names and not units[names.index(COUNTER)]:
+            jumps = t[:-1][_rises(values[:, names.index(COUNTER)])]
+        for name, value in (("t", t), ("values", values), ("names", names), ("units", units), ("jumps", jumps)):
             object.__setattr__(self, name, value)
 
     def card(self) -> Card:
@@ -168,6 +176,18 @@ class Series(WithCard):
     def headers(self) -> tuple[str, ...]:
         """``t [s]`` and each name with its unit, such as ``ankle [rad]``; only the name if there is no unit."""
         return ("t [s]", *(header(name, unit) for name, unit in zip(self.names, self.units, strict=True)))
+
+
+def _rises(count: Array) -> np.ndarray:
+    """Mask of the rows, but the last, after which a count of events rises; none if it is no such count."""
+    rises = np.diff(count) > 0
+    whole = np.isfinite(count).all() and (count == np.rint(count)).all() and (np.diff(count) >= 0).all()
+    return rises & bool(whole and 2 * rises.sum() < len(count))  # else it numbers the rows themselves
+
+
+def steady(names: Sequence[str]) -> np.ndarray:
+    """Mask of the names of signals that bend where an input jumps, and do not jump."""
+    return np.array([name.split(".")[0] in STEADY for name in names], dtype=bool)
 
 
 def place(names: Sequence[str], name: str) -> int:
@@ -288,6 +308,8 @@ def row_step(t: Array) -> float:
 def even_series(series: Series, rate: float | None = None) -> Series:
     """``series`` at even times: as it is where its times are even already, else by a cubic spline through its rows.
 
+    Of a run, by one spline for each open-loop interval.
+
     Args:
         series: its values may not be missing.
         rate: rows per second [Hz]; that of the rows by default.
@@ -312,7 +334,12 @@ def even_series(series: Series, rate: float | None = None) -> Series:
     step = row_step(series.t) if rate is None else step_of(rate, float(series.t[-1] - series.t[0]))
     if off <= EVEN * mean and abs(step - mean) * (len(series) - 1) <= EVEN * max(step, mean):
         return replace(series, t=series.t[0] + mean * np.arange(len(series)))
-    t, values = evenly(series.t, series.values, step)
+    if len(series.jumps):
+        t = series.t[0] + step * np.arange(int((series.t[-1] - series.t[0]) / step + EVEN) + 1)
+        t = np.minimum(t, series.t[-1])
+        values = piecewise(series.t, series.values, t, jumps=series.jumps, steady=steady(series.names))
+    else:
+        t, values = evenly(series.t, series.values, step)
     return replace(
         series, t=t, values=values, facts={**series.facts, "resampled": f"cubic spline at {1 / step:.6g} Hz"}
     )
@@ -462,9 +489,9 @@ def _apart_from(times: Array) -> Array:
 
 
 def _smooth(knots: Array, piece: Array, at: Array, t: Array, values: Array) -> Array:
-    """A spline through the knots of one piece, of one knot its value; straight lines between all rows where it has none.
+    """A spline through the knots of one piece, or the value of its only one.
 
-    Where a value is NaN, straight lines through the knots.
+    Where a value is NaN, straight lines through the knots; where there are none, between all rows.
     """
     from scipy.interpolate import CubicSpline
 

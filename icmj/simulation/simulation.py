@@ -26,7 +26,7 @@ from icmj.controller.controller import Controller
 from icmj.controller.setpoint import Setpoint
 from icmj.plant.linear_plant import LinearPlant, Push
 from icmj.plant.quality import Notice
-from icmj.series.series import NEAR, Series, piecewise, step_of
+from icmj.series.series import COUNTER, NEAR, Series, piecewise, steady, step_of
 from icmj.simulation.ending import Outcome
 
 if TYPE_CHECKING:
@@ -233,9 +233,6 @@ class Events:
         return len(self.t)
 
 
-_STEADY = ("x", "y", "x_o")  # kinds of signals that bend where an input jumps, and do not jump
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Simulation(WithCard):
     """One simulated run; states are deviations from the operating point.
@@ -361,7 +358,7 @@ class Simulation(WithCard):
             facts |= {"resampled": f"cubic spline within each open-loop interval at {rate:g} Hz"}
         near = 0.0 if rate is None else NEAR
         interval = np.searchsorted(self.events.t, t - near, side="left")[:, None].astype(float)
-        return Series(t, np.concatenate([values, interval], axis=1), (*names, "interval"), (*units, ""), facts)
+        return Series(t, np.concatenate([values, interval], axis=1), (*names, COUNTER), (*units, ""), facts)
 
     def interpolate(
         self, names: Sequence[str], values: Array, t: Array, after: Array | None = None, breaks: ArrayLike = ()
@@ -376,9 +373,8 @@ class Simulation(WithCard):
             breaks: further times across which nothing is interpolated [s].
         """
         resets, others = self.breaks
-        steady = np.array([name.split(".")[0] in _STEADY for name in names], dtype=bool)
         others = np.concatenate([others, np.ravel(breaks)])
-        return piecewise(self.t, values, t, jumps=resets, after=after, breaks=others, steady=steady)
+        return piecewise(self.t, values, t, jumps=resets, after=after, breaks=others, steady=steady(names))
 
     @property
     def breaks(self) -> tuple[Array, Array]:

@@ -115,8 +115,21 @@ def test_an_event_rule_is_refractory_for_its_interval_and_no_other_kind_is(pairs
     assert told["continuous"].largest.value == told["clock"].largest.value == 0
     assert abs(told["continuous"].rt2 - told["continuous"].rt1).max() < ROWS
     saw = refractoriness(pairs.isi, found["sampling"].rt, shortest=0.15)
-    # where both steps are in one sample each time alone is known less exactly than their mean
-    assert saw.fixed.value == pytest.approx(D_OL, abs=1e-4)
+    assert saw.fixed.value == pytest.approx(D_OL, abs=1e-5)
+    assert saw.largest.value == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_differs_within_one_sample_is_no_part_of_any_estimate_beyond_it(seed) -> None:
+    """RT1 of pairs in one sample, however wrong, moves neither line nor largest interval: 1 s and 0.3506 s it did."""
+    random = np.random.default_rng(seed)
+    isi = np.repeat([0.1, 0.2, 0.3, 0.4, 0.6, 1.0], 16)
+    rt = 0.29 + np.column_stack([0 * isi, np.where(isi < 0.15, -isi, np.maximum(0, D_OL - isi))])
+    rt += 2e-5 * random.standard_normal(rt.shape)
+    rt[isi < 0.15, 0] -= 0.0036
+    found = refractoriness(isi, rt, shortest=0.15)
+    assert found.largest.value == pytest.approx(0.3)
+    np.testing.assert_allclose([found.free.value, found.fixed.value], D_OL, atol=5e-5)
 
 
 def test_a_clock_makes_both_late_by_half_its_interval_and_neither_later_than_the_other() -> None:

@@ -7,7 +7,17 @@ from scipy.signal import lfilter, welch
 
 from icmj import Noise, measure
 from icmj.linear.run import simulate
-from icmj.measurement.statistics import Estimate, Statistics, deviation, mean, spectrum, statistics
+from icmj.measurement.statistics import (
+    Estimate,
+    Statistics,
+    cut_windows,
+    deviation,
+    hann,
+    mean,
+    spectrum,
+    statistics,
+)
+from icmj.measurement.sway import frequencies
 from icmj.series.series import evenly
 from icmj.simulation.ending import Outcome
 from icmj.simulation.simulation import Events, Simulation
@@ -50,9 +60,62 @@ def test_spectrum_is_welch_s_and_its_confidence_covers_the_known_one() -> None:
         np.testing.assert_allclose(found.frequency, frequency, atol=1e-9)
         np.testing.assert_allclose(found.power[:, 0], power, rtol=1e-6)
         known = 2 * 0.01 / np.abs(1 - PHI * np.exp(-2j * np.pi * frequency * 0.01)) ** 2
-        mid = slice(3, -3)  # the ends hold half the power, and what the mean took
+        mid = slice(3, -3)  # at the ends the truth is less: lines without a partner, and what the mean took
         inside.append((found.low[mid, 0] <= known[mid]) & (known[mid] <= found.high[mid, 0]))
     assert 0.93 <= np.mean(inside) <= 0.97
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("length", "segments"), [(4000, 4), (4002, 4), (5998, 2), (4001, 4), (6000, 16)])
+def test_the_confidence_of_every_line_covers_what_is_expected_there(length: int, segments: int) -> None:
+    """White noise, of which the expected power of a line is that of its window, without the part that the mean took."""
+    runs = np.random.default_rng(length).standard_normal((length, 2000))
+    found = spectrum(0.01 * np.arange(length), runs, segments)
+    n = len(found.frequency)
+    size = length // segments
+    assert n == size // 2 + 1
+    window = hann(size)
+    waves = window * np.exp(-2j * np.pi * np.outer([0, 1, 2, n // 2, n - 1], np.arange(size)) / size)
+    waves -= waves.mean(axis=1, keepdims=True)  # to subtract the mean of the noise is to subtract that of the wave
+    power = (np.abs(waves) ** 2).sum(axis=1) * 0.01 / (window**2).sum()
+    power[1:] *= 2
+    if size % 2 == 0:
+        power[-1] /= 2
+    for line, expected in zip((0, 1, 2, n // 2, n - 1), power, strict=True):
+        inside = np.mean((found.low[line] <= expected) & (expected <= found.high[line]))
+        assert inside == pytest.approx(0.95, abs=0.02), (line, inside)
+        assert found.power[line].mean() == pytest.approx(expected, rel=0.08)
+
+
+@pytest.mark.parametrize("length", range(40, 56))
+@pytest.mark.parametrize("size", [7, 10, 12, 19, 20, 40])
+def test_no_row_is_left_out_of_any_windows(length: int, size: int) -> None:
+    """A unit at any row is seen, by the mean of a window at least; windows overlap by half but for half a row."""
+    parts = cut_windows(np.eye(length), size)
+    assert (parts**2).sum(axis=(0, 1)).min() > 0
+    assert len(parts) >= 2 * length / (size + 1) - 1
+
+
+def test_a_row_more_changes_a_spectrum_by_its_share() -> None:
+    """Of random walks, whatever the remainder of their rows by four; up to 128 % where a quarter was left out."""
+    for seed in range(20):
+        x = np.cumsum(np.random.default_rng(seed).standard_normal(6004))
+        for length in range(5998, 6004):
+            mean = [frequencies(*_line_power(x[:rows])).mean for rows in (length, length + 1)]
+            assert mean[1] == pytest.approx(mean[0], rel=0.02)
+
+
+def _line_power(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    found = spectrum(0.01 * np.arange(len(x)), x[:, None], 2)
+    return found.frequency, found.power[:, 0]
+
+
+def test_a_constant_has_no_power_whatever_its_value() -> None:
+    for value in (0.1, 1 / 3, 7e7, -2.3e-9):
+        found = spectrum(0.01 * np.arange(1000), np.full((1000, 1), value))
+        assert not found.power.any()
+        shaken = value * (1 + 2e-16 * np.arange(1000) % 2)
+        assert not spectrum(0.01 * np.arange(1000), shaken[:, None]).power.any()
 
 
 def test_uneven_rows_do_not_show() -> None:

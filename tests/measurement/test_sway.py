@@ -10,7 +10,7 @@ from scipy import signal
 
 from icmj import Series, read_series
 from icmj.errors import DataError
-from icmj.measurement.sway import frequencies, from_torque, measure_sway
+from icmj.measurement.sway import MEASURES, frequencies, from_torque, measure_sway
 
 RATE = 100.0
 T = np.arange(6000) / RATE
@@ -97,16 +97,62 @@ def test_the_slope_is_that_of_the_lines_which_are_in_its_band_exactly(seed):
 def test_the_low_pass_is_butterworths_run_forth_and_back():
     slow, fast = sinusoid(f=0.5, mean=0), sinusoid(amplitude=1, f=8, mean=0)
     filtered = measure_sway(Series(T, (slow + fast)[:, None], ("ap",)), low_pass=5.0).series["ap"]
-    # |H|² of second order, with the bilinear transform's frequencies
-    gain = [1 / (1 + (np.tan(np.pi * f / RATE) / np.tan(np.pi * 5 / RATE)) ** 4) for f in (0.5, 8)]
+    # |H|² of second order, with the bilinear transform's frequencies; 1/√2 at the cut-off
+    gain = [1 / (1 + (np.sqrt(2) - 1) * (np.tan(np.pi * f / RATE) / np.tan(np.pi * 5 / RATE)) ** 4) for f in (0.5, 8)]
     middle = slice(500, -500)
     assert filtered[middle] == pytest.approx((gain[0] * slow + gain[1] * fast)[middle], abs=1e-4)
 
 
+@pytest.mark.parametrize("corner", [1.0, 6.0, 10.0, 30.0, 49.0])
+def test_at_its_cut_off_the_gain_of_the_low_pass_is_that_of_any(corner):
+    wave = np.sin(2 * np.pi * corner * T + 0.3)
+    filtered = measure_sway(Series(T, wave[:, None], ("ap",)), low_pass=corner).series["ap"]
+    middle = slice(1000, -1000)
+    assert np.sqrt((filtered[middle] ** 2).mean() / (wave[middle] ** 2).mean()) == pytest.approx(2**-0.5, rel=1e-3)
+
+
 def test_still_signals_have_sizes_and_no_frequencies():
-    found = one(np.full(6000, 3.0))
-    assert (found.rms, found.range, found.speed) == (0, 0, 0)
-    assert np.isnan([found.rotation_frequency, found.frequencies.mean]).all()
+    for value in (3.0, 0.1, 1 / 3, 7.7e7):
+        for options in ({}, {"low_pass": 5.0}, {"rate": 37.0}):
+            found = one(np.full(6000, value), **options)
+            assert (found.rms, found.range, found.speed, found.mean_distance, found.prediction_range) == (0,) * 5
+            assert found.mean == pytest.approx(value)
+            assert np.isnan([found.rotation_frequency, found.frequencies.mean, found.frequencies.slope]).all()
+            assert (found.diffusion.short, found.diffusion.long) == (None, None)
+    beside = measure_sway(Series(T, np.column_stack([np.full(6000, 0.1), np.full(6000, 0.2)]), ("ap", "ml"))).plane
+    assert beside.ellipse.area == 0
+    assert np.isnan([beside.rotation_frequency, beside.frequencies.mean]).all()
+
+
+@pytest.mark.parametrize("begin", [0.0, 1.7e9 + 0.1, 1.76e9 + 1 / 3])
+def test_measures_do_not_depend_on_when_the_clock_began(begin):
+    """Seconds from 1970 are rounded to 0.24 microseconds, of which the first two rows made the rate."""
+    x = np.cumsum(np.random.default_rng(3).standard_normal(6000))
+    known, found = one(x), measure_sway(Series(begin + T, x[:, None], ("ap",), ("mm",))).coordinates[0]
+    assert found.frequencies.slope == pytest.approx(known.frequencies.slope, abs=1e-6)
+    assert found.frequencies.mean == pytest.approx(known.frequencies.mean, rel=1e-6)
+    assert found.speed == pytest.approx(known.speed, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_row_more_or_less_changes_no_measure_by_more_than_its_share(seed):
+    """Of sway that is a random walk which returns; a row is 1/6000, and its share some of its own distance more."""
+    random = np.random.default_rng(seed)
+    x = signal.lfilter([1.0], [1.0, -0.998], random.standard_normal(6011))
+    whole = one_of(x[:6000])
+    for rows in (*range(5990, 6000), *range(6001, 6011)):
+        found = one_of(x[:rows])
+        share = abs(rows - 6000) / 6000
+        for name, value in found.items():
+            scale = 1.0 if name.endswith("slope") else abs(whole[name])
+            assert abs(value - whole[name]) < 60 * share * scale, (rows, name, value, whole[name])
+
+
+def one_of(x):
+    """Sizes and frequencies of a record at 100 Hz, but its range, which a row may set."""
+    found = measure_sway(Series(np.arange(len(x)) / RATE, x[:, None], ("ap",))).coordinates[0]
+    names = ("rms", "mean_distance", "speed", "frequencies.mean", "frequencies.edge", "frequencies.slope")
+    return {name: measure.value(found) for measure in MEASURES for name in names if measure.of == name}
 
 
 def test_uneven_rows_and_other_rates_measure_the_same():

@@ -115,8 +115,8 @@ class Engine(NamedTuple):
 class Plan(NamedTuple):
     """A :class:`icmj.engine.schedule.Schedule`, with the limits at which the plant has fallen.
 
-    ``wait`` is the least time from one event until the rule is watched again; the last of ``edges`` and ``breaks`` is inf;
-    ``delay`` is, under a clock, exactly a multiple of its interval where it is nearly one.
+    ``wait`` is the least time from one event until the rule is watched again; the last of ``edges`` and ``breaks`` is
+    infinite; ``delay`` is, under a clock, exactly a multiple of its interval where it is nearly one.
     """
 
     timestep: float
