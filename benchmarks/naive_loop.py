@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from benchmarks.task import Task
-from icmj.engine.safety import install_callbacks
+from icmj.engine.safety import isolate_engine
 
 
 def run(task: Task, duration: float, timestep: float) -> tuple[np.ndarray, float]:
@@ -34,7 +34,7 @@ def run(task: Task, duration: float, timestep: float) -> tuple[np.ndarray, float
         x_o = x_o + timestep * (gains.plant.A @ x_o + gains.plant.B @ u - gains.L @ (gains.plant.C @ x_o - y))
         x_h = x_h + timestep * (A_h @ x_h)
 
-    with install_callbacks(control):
+    with isolate_engine(control):
         for _ in range(round(duration / timestep)):
             mujoco.mj_step(model, data)
     return np.array(times), last_peak

@@ -15,7 +15,7 @@ from benchmarks.task import Task
 from icmj.engine.block import block_of
 from icmj.engine.closed_loop import POINTS
 from icmj.engine.native.adaptive import extremes
-from icmj.engine.safety import install_callbacks
+from icmj.engine.safety import isolate_engine
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
@@ -68,7 +68,7 @@ class PythonLoop:
         times: list[float] = []
         dense = [np.append(data.time, self.C @ data.qpos)]
         peak = 0.0
-        with install_callbacks(*self._callbacks()):
+        with isolate_engine(*self._callbacks()):
             E = -self.q2
             while data.time < duration:
                 mujoco.mj_getState(model, data, saved, STATE)

@@ -11,7 +11,7 @@ from benchmarks.row import Row, interleaved, median
 from benchmarks.task import three_link
 from icmj.engine.native.field import callbacks
 from icmj.engine.native.fixed_steps import FixedSteps
-from icmj.engine.safety import install_callbacks
+from icmj.engine.safety import isolate_engine
 from icmj.engine.schedule import recording
 from icmj.simulation.native.loop import Status
 from icmj.simulation.settings import Settings
@@ -33,7 +33,7 @@ def rows() -> list[Row]:
     record = recording(STEPS, 3, 1 + model.nq + model.nv + model.na + 3)
     schedule = loop.schedule(Settings(duration=1e4), model.opt.timestep)
     point = task.plant.linearisation.point.qpos
-    with install_callbacks(*callbacks()):
+    with isolate_engine(*callbacks()):
         native = FixedSteps(model, loop.data(task.x, np.tile(task.x_o, 2)), schedule, point)
     events = 0
 
@@ -50,7 +50,7 @@ def rows() -> list[Row]:
     def step_native() -> None:
         nonlocal events
         record.clear()
-        with install_callbacks(*callbacks()):
+        with isolate_engine(*callbacks()):
             assert native.advance(record, STEPS) == Status.RUNNING
         events += int(record.count[2])
 

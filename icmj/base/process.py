@@ -29,7 +29,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Hashable, Iterator, Mapping, MutableMapping, Sequence
-from contextlib import chdir, contextmanager, suppress
+from contextlib import AbstractContextManager, chdir, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -37,9 +37,6 @@ from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from threading import Lock
 from types import FrameType, ModuleType
 from typing import Any, get_origin
-
-_inside, _lock = 0, Lock()
-_before: list[int] = []
 
 LEAST_ROOM = 1 << 30  # bytes
 _ARENAS = -8  # M_ARENA_MAX of the GNU C library
@@ -62,6 +59,35 @@ def one_thread(environment: MutableMapping[str, str] | None = None) -> MutableMa
     return environment
 
 
+class Shared:
+    """A block that any number of threads may be in at once: it begins with the first of them, and ends with the last.
+
+    An instance is called for a ``with`` statement or as a decorator, as the function that it is made of would be.
+    """
+
+    def __init__(self, make: Callable[[], AbstractContextManager[object]]) -> None:
+        """``make`` gives what is entered and left."""
+        self._make, self._lock, self._inside = make, Lock(), 0
+        self._block: AbstractContextManager[object]
+
+    @contextmanager
+    def __call__(self) -> Iterator[None]:
+        """One stay in the block."""
+        with self._lock:
+            if self._inside == 0:
+                self._block = self._make()
+                self._block.__enter__()
+            self._inside += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._inside -= 1
+                if self._inside == 0:
+                    self._block.__exit__(None, None, None)
+
+
+@Shared
 @contextmanager
 def limit_to_one_thread() -> Iterator[None]:
     """Let BLAS work in one thread within the block, or the function that this decorates, whatever the process is told.
@@ -69,19 +95,12 @@ def limit_to_one_thread() -> Iterator[None]:
     A matrix of some hundred columns is shared out among threads, and what a sum is to the last bit depends on their
     number. The number is the whole process's: who leaves last gives back what was there.
     """
-    global _inside, _before
-    with _lock:
-        if _inside == 0:
-            _before = [library.get_num_threads() for library in _libraries()]
-            _set_threads([1] * len(_before))
-        _inside += 1
+    before = [library.get_num_threads() for library in _libraries()]
+    _set_threads([1] * len(before))
     try:
         yield
     finally:
-        with _lock:
-            _inside -= 1
-            if _inside == 0:
-                _set_threads(_before)
+        _set_threads(before)
 
 
 def _set_threads(threads: list[int]) -> None:

@@ -19,10 +19,9 @@ from icmj.engine.model import (
     actuator_of,
     data_at,
     input_names,
-    second_order_lag,
     solve_fully,
 )
-from icmj.engine.safety import install_callbacks
+from icmj.engine.safety import isolate_engine
 from icmj.plant.quality import Excess, Kind
 
 _SAME = 1e-6  # of the size of an answer: a change that no limit makes
@@ -98,7 +97,7 @@ def sort_bounds(
 
     quiet: list[Bound] = []
     acting: list[Bound] = []
-    with install_callbacks(act_dyn=second_order_lag), solve_fully(trial):
+    with isolate_engine(), solve_fully(trial):
         rest = answer()
         for bound in bounds_of(model, data.ten_length.copy()):
             impose(trial, model, [bound])

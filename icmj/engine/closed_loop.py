@@ -42,7 +42,7 @@ from icmj.engine.linearisation import places, spread
 from icmj.engine.model import depart, model_name, state_names
 from icmj.engine.operating_point import state_units
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.safety import EngineFault, install_callbacks, words
+from icmj.engine.safety import EngineFault, isolate_engine, words
 from icmj.engine.schedule import Schedule, States, fastest_rate, is_stiff, phases_of, recording
 from icmj.errors import ModelError
 from icmj.simulation import ending
@@ -548,7 +548,7 @@ class ComposedLoop:
         if self.numbers is not None:
             here[:] = self.numbers
         try:
-            with install_callbacks(*callbacks()):
+            with isolate_engine(*callbacks()):
                 yield
         finally:
             self.model.opt.timestep = timestep

@@ -20,10 +20,10 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.engine.bounds import SORTS, Bound, impose, name_of, sort_bounds
-from icmj.engine.model import activation_rates, input_names, second_order_lag
+from icmj.engine.model import activation_rates, free_activation_rates, input_names
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.pose import Dynamics
-from icmj.engine.safety import hush, install_callbacks
+from icmj.engine.safety import isolate_engine
 from icmj.plant.quality import BENT, Notice
 from icmj.simulation.disturbance import Disturbance
 
@@ -37,7 +37,7 @@ _CELLS, _FINER, _DEPTH = 16, 4, 4  # cells of the way from rest; into how many a
 _END = "; the linear theory knows no limits"
 
 
-@hush()
+@isolate_engine()
 def corners(plant: MujocoPlant, x: Array, u: Array) -> tuple[Notice, ...]:
     """The corners on a motion that the linear theory predicts: each limit that acts, and one that no limit explains.
 
@@ -284,7 +284,7 @@ def _within_force(model: mujoco.MjModel, rows: Array, ctrl: Array) -> tuple[Arra
         mujoco.mj_fwdActuation(model, data)
         return data.actuator_force.copy(), data.qfrc_actuator.copy()
 
-    with install_callbacks(act_dyn=second_order_lag):
+    with isolate_engine():
         for i, row in enumerate(rows):
             data.qpos[:], data.qvel[:] = row[1 : 1 + nq], row[1 + nq : 1 + nq + nv]
             data.act[:] = row[1 + nq + nv : 1 + nq + nv + na]
@@ -299,7 +299,7 @@ def _within_force(model: mujoco.MjModel, rows: Array, ctrl: Array) -> tuple[Arra
             if jointed:
                 left = forces(ctrl[i], on_actuators=True, on_joints=True)[1] - torque
                 cut[i] |= _moments(data, nv) @ (np.abs(left) > 1e-12 * (1 + np.abs(torque))) > 0
-            held = activation_rates(model, data) != data.act_dot
+            held = activation_rates(model, data) != free_activation_rates(model, data)
             for k in clamped:
                 cut[i, k] |= held[model.actuator_actadr[k] :][: model.actuator_actnum[k]].any()
     return passed, cut

@@ -38,13 +38,12 @@ from icmj.engine.model import (
     model_name,
     operating_point,
     output_names,
-    second_order_lag,
     sensor_entries,
     solve_fully,
     state_names,
 )
 from icmj.engine.operating_point import input_units, output_units, state_units
-from icmj.engine.safety import install_callbacks
+from icmj.engine.safety import isolate_engine
 from icmj.errors import ModelError, SimulationError
 from icmj.plant.body import Selection
 from icmj.plant.linear_plant import LinearPlant, Push, vector
@@ -251,7 +250,7 @@ def forces(model: mujoco.MjModel, data: mujoco.MjData, table: Array, sizes: Arra
 def effects(model: mujoco.MjModel, point: OperatingPoint, table: Array) -> Array:
     """Effects of pushes of size 1 on the rates of (qpos, qvel, act) at ``point``, by differences; shape (n, K)."""
     data, found = data_at(model, point), np.zeros((2 * model.nv + model.na, len(table)))
-    with install_callbacks(act_dyn=second_order_lag), solve_fully(model):
+    with isolate_engine(), solve_fully(model):
         mujoco.mj_forward(model, data)
         step = _STEP[bool(data.nefc)]
         for column, row in zip(found.T, table, strict=True):
@@ -409,7 +408,7 @@ def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) 
         return np.concatenate([data.qvel, data.qacc, activation_rates(model, data), data.sensordata])
 
     slopes, right, left = np.zeros((3, n + model.nsensordata, n + nu))
-    with install_callbacks(act_dyn=second_order_lag), solve_fully(model):
+    with isolate_engine(), solve_fully(model):
         rest = evaluate(np.zeros(n + nu))
         for j in range(n + nu):
             step = np.zeros(n + nu)

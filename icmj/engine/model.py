@@ -22,6 +22,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.engine.deviation import Deviation, shape
+from icmj.engine.safety import isolate_engine
 from icmj.errors import ModelError
 from icmj.plant.body import Activation, Lag, Person
 
@@ -40,16 +41,6 @@ def lag(u: float, rate: float, torque: float, omega_n: float, zeta: float) -> tu
     return omega_n * omega_n * (u - torque) - 2 * zeta * omega_n * rate, rate
 
 
-def second_order_lag(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
-    """MuJoCo activation callback in Python: writes ``act_dot`` of one second-order lag."""
-    if is_second_order_lag(model, actuator):
-        adr = model.actuator_actadr[actuator]
-        data.act_dot[adr : adr + 2] = lag(
-            data.ctrl[actuator], *data.act[adr : adr + 2], *model.actuator_dynprm[actuator, :2]
-        )
-    return 0.0
-
-
 def clamp(model: mujoco.MjModel, act: Array) -> Array:
     """Activations as a step of the engine leaves them: within ``actrange``, shape (na,)."""
     there = act.copy()
@@ -59,14 +50,25 @@ def clamp(model: mujoco.MjModel, act: Array) -> Array:
     return there
 
 
-def activation_rates(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Rates of the activations after a forward pass, shape (na,), as limited by ``actrange``.
+def free_activation_rates(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """Rates of the activations after a forward pass, shape (na,), with those of second-order lags.
 
-    ``act_dot`` knows no ``actrange``.
+    Such a lag is unknown to MuJoCo, whose ``act_dot`` of it is zero without a callback; its force is that of its state.
     """
-    wanted = data.act + model.opt.timestep * data.act_dot
+    rates = data.act_dot.copy()
+    for i in map(int, np.flatnonzero(model.actuator_dyntype == int(mujoco.mjtDyn.mjDYN_USER))):
+        if is_second_order_lag(model, i):
+            own = slice(model.actuator_actadr[i], model.actuator_actadr[i] + 2)
+            rates[own] = lag(data.ctrl[i], *data.act[own], *model.actuator_dynprm[i, :2])
+    return rates
+
+
+def activation_rates(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """The same, shape (na,), as limited by ``actrange``."""
+    rates = free_activation_rates(model, data)
+    wanted = data.act + model.opt.timestep * rates
     there = clamp(model, wanted)
-    return np.where(there == wanted, data.act_dot, (there - data.act) / model.opt.timestep)
+    return np.where(there == wanted, rates, (there - data.act) / model.opt.timestep)
 
 
 def muscles_of(names: Sequence[str], activation: Activation | None, inputs: Sequence[str] | None) -> dict[int, Lag]:
@@ -167,7 +169,8 @@ class Models:
         """The model itself, with its mocap bodies where ``point`` has them."""
         if self._bare is None:
             # of a copy, for compiling changes the spec, and threads that share a plant may ask at once
-            self._bare = self.spec.copy().compile()
+            with isolate_engine():
+                self._bare = self.spec.copy().compile()
         return _copy_at(self._bare, point) if self._bare.nmocap else self._bare
 
     def copy_with_room(
@@ -180,7 +183,8 @@ class Models:
         room, model = self._roomy.get(size, (0, None))
         if model is None or room < count:
             room = max(LEAST_ROOM, 1 << (count - 1).bit_length())
-            model = make(room)
+            with isolate_engine():
+                model = make(room)
             self._roomy[size] = room, model
         return _copy_at(model, point)
 
@@ -216,6 +220,7 @@ def load_spec(
     return load_model(path, deviation, person, activation, inputs)[0]
 
 
+@isolate_engine()
 def load_model(
     path: Path,
     deviation: Deviation | None = None,

@@ -110,7 +110,8 @@ def _refusal(loop: ComposedLoop, asked: bool) -> str:
     if not asked:
         return "contacts, limits, friction losses or equalities may act"
     data = data_at(model, loop.plant.linearisation.point)
-    mujoco.mj_forward(model, data)
+    with loop.ready():
+        mujoco.mj_forward(model, data)
     return f"{data.nefc} constraints act at the operating point" if data.nefc else ""
 
 

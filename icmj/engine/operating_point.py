@@ -26,13 +26,13 @@ from icmj.base.process import limit_to_one_thread
 from icmj.engine.model import (
     OperatingPoint,
     data_at,
+    free_activation_rates,
     input_names,
     is_second_order_lag,
     model_name,
-    second_order_lag,
     state_names,
 )
-from icmj.engine.safety import install_callbacks
+from icmj.engine.safety import isolate_engine
 from icmj.errors import ModelError
 from icmj.plant.body import OperatingRule
 from icmj.plant.quality import Notice
@@ -325,7 +325,7 @@ class _Search:
         # the search may pass beyond a range on its way
         self.model.opt.disableflags = flags | int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
         try:
-            with limit_to_one_thread(), install_callbacks(act_dyn=second_order_lag):
+            with limit_to_one_thread(), isolate_engine():
                 self.wanted = self.forces(self.z).actuator if self.given.ctrl.any() else np.zeros(self.model.nu)
                 self.lag, self.size = self.lags(), self.sizes()
                 self.set_down()
@@ -360,7 +360,8 @@ class _Search:
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
         mujoco.mj_fwdActuation(model, data)
-        given, force, act_dot = data.qfrc_actuator.copy(), data.actuator_force.copy(), data.act_dot.copy()
+        given, force = data.qfrc_actuator.copy(), data.actuator_force.copy()
+        act_dot = free_activation_rates(model, data)
         data.qacc[:] = 0
         mujoco.mj_inverse(model, data)
         return _Forces(data.qfrc_inverse - given, force, act_dot)

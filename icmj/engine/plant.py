@@ -47,7 +47,6 @@ from icmj.engine.model import (
     muscles_of,
     operating_point,
     output_names,
-    second_order_lag,
     sensor_entries,
     sizes_without,
     state_names,
@@ -55,7 +54,7 @@ from icmj.engine.model import (
     without_muscles,
 )
 from icmj.engine.operating_point import equilibria, find_limited, input_units, notice_move, output_units, state_units
-from icmj.engine.safety import check_names, check_plant, check_sizes, hush, install_callbacks, sound
+from icmj.engine.safety import check_names, check_plant, check_sizes, isolate_engine, sound
 from icmj.errors import ModelError
 from icmj.plant import quality
 from icmj.plant.body import Activation, Lag, OperatingRule, Person, Selection
@@ -254,7 +253,7 @@ def _why_input(model: mujoco.MjModel, i: int, linearisation: Linearisation) -> s
 def _rubbing(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[str]:
     """Degrees of freedom and tendons that the engine holds by dry friction at the operating point."""
     data, names = data_at(model, linearisation.point), state_names(model)
-    with install_callbacks(act_dyn=second_order_lag):
+    with isolate_engine():
         mujoco.mj_forward(model, data)
     for kind, i in zip(data.efc_type, data.efc_id, strict=True):
         if kind == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF:
@@ -306,13 +305,13 @@ class MujocoPlant:
     @cached_property
     def model(self) -> mujoco.MjModel:
         """The compiled model; copy before editing (``copy.copy``)."""
-        with hush():
+        with isolate_engine():
             return self.models.at(self.linearisation.point)
 
     @cached_property
     def quality(self) -> Quality:
         """The quality of its operating point."""
-        with hush():
+        with isolate_engine():
             return assess(self.model, self.linearisation)
 
     @property
@@ -375,7 +374,6 @@ class MujocoPlant:
         return self.spec.to_xml()
 
 
-@hush()
 def load_plant(
     path: Path | str,
     deviation: Deviation | None = None,
@@ -526,7 +524,7 @@ def inventory(path: Path) -> Inventory:
     Raises:
         ModelError: if it cannot be loaded; see :func:`icmj.engine.model.load_model`.
     """
-    with sound(path), hush():
+    with sound(path):
         spec, model = load_model(path)
         check_names(path, spec)
         check_sizes(path, model)

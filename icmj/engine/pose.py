@@ -19,7 +19,6 @@ not looked up in a list of features: the engine itself is asked for its accelera
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -30,9 +29,9 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.controller import Controller
 from icmj.engine.block import is_flow, may_constrain
-from icmj.engine.model import activation_rates, clamp, second_order_lag
+from icmj.engine.model import activation_rates, clamp
 from icmj.engine.plant import MujocoPlant, place
-from icmj.engine.safety import hush, install_callbacks
+from icmj.engine.safety import isolate_engine
 from icmj.errors import ModelError
 from icmj.simulation.simulation import Geom, Scene, Simulation, loop_signals, plain_names
 
@@ -171,8 +170,6 @@ class Dynamics:
         self.model = copy(plant.model)  # its solver is set to iterate to the end
         self.model.opt.tolerance, self.model.opt.iterations = 0.0, max(200, self.model.opt.iterations)
         self.data = mujoco.MjData(self.model)
-        # MuJoCo asks a callback for these alone, and to install one takes longer than a forward pass
-        self.lags = bool((self.model.actuator_dyntype == mujoco.mjtDyn.mjDYN_USER).any())
 
     def __call__(self, x: Array, u: Array) -> tuple[Array, Array]:
         """ẋ and y, shapes (n,) and (n_y,)."""
@@ -188,7 +185,7 @@ class Dynamics:
         model, data = self.model, self.data
         place(self.plant, data, self.plant.linearisation.ports.whole(np.asarray(x, float)), u)
         data.act[:] = clamp(model, data.act)
-        with install_callbacks(act_dyn=second_order_lag) if self.lags else nullcontext():
+        with isolate_engine():
             mujoco.mj_forward(model, data)
 
     def _turning(self) -> Array:
@@ -318,7 +315,7 @@ class Chain:
         return held
 
 
-@hush()
+@isolate_engine()
 def chain_of(plant: MujocoPlant) -> tuple[Chain | None, str]:
     """The links of a model, if it is planar, and why they do not move as the engine moves it; "" where they do."""
     model, point = plant.model, plant.linearisation.point

@@ -19,9 +19,9 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.engine.linearisation import forces, on_bodies, places
-from icmj.engine.model import second_order_lag, solve_fully
+from icmj.engine.model import solve_fully
 from icmj.engine.plant import MujocoPlant, place
-from icmj.engine.safety import hush, install_callbacks
+from icmj.engine.safety import isolate_engine
 from icmj.errors import ModelError
 from icmj.series.series import Series
 from icmj.simulation.simulation import Pressure, Simulation
@@ -182,7 +182,7 @@ class _Ground:
     ) -> Iterator[int]:
         """Each row that can be computed, while the data are those of it."""
         model, data = self.model, self.data
-        with install_callbacks(act_dyn=second_order_lag), solve_fully(model), hush():
+        with isolate_engine(), solve_fully(model):
             for i, row in enumerate(self.plant.linearisation.ports.whole(x)):
                 place(self.plant, data, row, u[i], None if qpos is None or not qpos.size else qpos[i])
                 try:

@@ -1,10 +1,12 @@
 """MuJoCo in this process: what it has once, its fatal errors, and model files that could crash it.
 
-What MuJoCo has once for the process, set for a ``with`` block and always restored: its callbacks and its messages.
+What MuJoCo has once for the process, icmj's own within a ``with`` block, and always restored: callbacks and messages.
 
-The engine has one control and one activation callback for the whole process. Blocks in different threads that want
-the same pair share it, and it stays until the last of them is left; a block that wants another pair waits until
-the other threads have left theirs. Within one thread blocks nest, and the inner one wins.
+The engine has one callback of each kind for the whole process, which it calls for every model, also while it compiles
+one. What others have set is taken off before the first block is entered and put back when the last is left; in
+between, the only callbacks are icmj's own, which are compiled and leave alone every model but the composed ones. So
+blocks nest, and go on in any number of threads, with callbacks and without. Only where the code is interpreted are the
+callbacks Python functions, which break the compiler: there a block is one thread's at a time, and the inner one wins.
 
 MuJoCo prints its warnings and appends them to MUJOCO_LOG.TXT wherever it is run. What they say comes back as the
 outcome of a run, or as an error. Outside the blocks, MuJoCo does for others what it always did.
@@ -40,8 +42,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from contextlib import contextmanager, nullcontext
 from functools import cache
 from html import unescape
 from itertools import islice
@@ -52,105 +53,60 @@ import mujoco
 import numpy as np
 
 from icmj.base.files import read_bytes
-from icmj.base.process import run_bounded
+from icmj.base.process import INTERPRETED, Shared, run_bounded
 from icmj.base.text import one_line
 from icmj.errors import ModelError, SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.work.own_code import MODELS
 
-_lock = threading.Lock()
-_inside = 0
-_before: tuple[Any, Any] = (True, True)
-
 
 @contextmanager
-def hush() -> Iterator[None]:
-    """No message of MuJoCo on the console or in a file; blocks nest, in any number of threads."""
-    global _inside, _before
-    with _lock:
-        if _inside == 0:
-            _before = _set(False, False)
-        _inside += 1
+def _alone() -> Iterator[None]:
+    """MuJoCo without what others have set in it: silent, and without callbacks."""
+    config = mujoco.MjLogConfig.get()
+    console, file = config.logto_console, config.logto_file
+    config.logto_console = config.logto_file = False
+    config.set()
+    callbacks = _take_callbacks()
     try:
         yield
     finally:
-        with _lock:
-            _inside -= 1
-            if _inside == 0:
-                _set(*_before)
+        _take_callbacks()
+        for name, (function, address) in callbacks.items():
+            getattr(mujoco, f"set_{name}")(function)
+            _symbol(name).value = address
+        config.logto_console, config.logto_file = console, file
+        config.set()
 
 
-def _set(console: bool, file: bool) -> tuple[Any, Any]:
-    """Set the message handlers and return the previous ones."""
-    config = mujoco.MjLogConfig.get()
-    before = config.logto_console, config.logto_file
-    config.logto_console, config.logto_file = console, file
-    config.set()
-    return before
+def _take_callbacks() -> dict[str, tuple[Any, int]]:
+    """Take all of MuJoCo's callbacks off, and return those that were set, as Python and as C has them."""
+    found = {}
+    for name in _CALLBACKS:
+        if address := _symbol(name).value:
+            found[name] = getattr(mujoco, f"get_{name}")(), address
+            getattr(mujoco, f"set_{name}")(None)
+            _symbol(name).value = None  # one that C has set is nothing to Python
+    return found
 
 
-# a Python function, or a native one as a ctypes function object
-ControlCallback = Callable[..., None]
-ActDynCallback = Callable[..., float]
-
-
-@dataclass(eq=False)
-class _Layer:
-    """One installed pair, the pair that it replaced, and the threads inside its blocks (one entry for each block)."""
-
-    pair: tuple[Any, Any]
-    before: tuple[Any, Any]
-    threads: list[int] = field(default_factory=list)
-
-
-_layers: list[_Layer] = []
-_changed = threading.Condition()
+_CALLBACKS = [name[4:] for name in dir(mujoco) if name.startswith(("get_mjcb_", "get_mju_user_warning"))]
+_shared = _alone if INTERPRETED else Shared(_alone)
+_turn = threading.RLock() if INTERPRETED else nullcontext()
+_unwarned = Shared(lambda: warnings.catch_warnings(action="ignore"))
 
 
 @contextmanager
-def install_callbacks(control: ControlCallback | None = None, act_dyn: ActDynCallback | None = None) -> Iterator[None]:
-    """Install MuJoCo's control and activation callbacks, and always restore the previous ones on leaving.
+def isolate_engine(control: object = None, act_dyn: object = None) -> Iterator[None]:
+    """Have MuJoCo to icmj alone: no callbacks but these two, which are always the same two, and no messages.
 
-    MuJoCo prints nothing meanwhile. Load no model inside the block: an installed Python callback breaks the compiler.
-    Python callbacks are called by every thread that steps a model meanwhile, so guard them by the model, as those of
-    this package are.
+    Whatever compiles a model or has the engine compute does so within.
     """
-    pair, me = (control, act_dyn), threading.get_ident()
-    with _changed:
-        _changed.wait_for(lambda: _is_shared(pair) or _mine(me))
-        if not _is_shared(pair):
-            _layers.append(_Layer(pair, _install(pair)))
-        layer = _layers[-1]
-        layer.threads.append(me)
-    try:
-        with hush():
-            yield
-    finally:
-        with _changed:
-            layer.threads.remove(me)
-            while _layers and not _layers[-1].threads:
-                _install(_layers.pop().before)
-            _changed.notify_all()
-
-
-def _is_shared(pair: tuple[Any, Any]) -> bool:
-    return bool(_layers) and all(a is b for a, b in zip(_layers[-1].pair, pair, strict=True))
-
-
-def _mine(me: int) -> bool:
-    return all(thread == me for layer in _layers for thread in layer.threads)
-
-
-def _install(pair: tuple[Any, Any]) -> tuple[Any, Any]:
-    """Install a pair and return the one that it replaced."""
-    before = mujoco.get_mjcb_control(), mujoco.get_mjcb_act_dyn()
-    mujoco.set_mjcb_control(pair[0])
-    try:
-        mujoco.set_mjcb_act_dyn(pair[1])
-    except BaseException:
-        mujoco.set_mjcb_control(before[0])
-        raise
-    return before
+    with _turn, _shared():
+        if control is not None:
+            mujoco.set_mjcb_control(control)
+            mujoco.set_mjcb_act_dyn(act_dyn)
+        yield
 
 
 T = TypeVar("T")
@@ -240,14 +196,15 @@ def library() -> Path:
 
 
 @cache
-def _handler() -> ctypes.c_void_p:
-    return ctypes.c_void_p.in_dll(ctypes.CDLL(str(library())), "mju_user_error")
+def _symbol(name: str) -> ctypes.c_void_p:
+    """A pointer to a function that MuJoCo's library has as a variable."""
+    return ctypes.c_void_p.in_dll(ctypes.CDLL(str(library())), name)
 
 
 def _catch_errors() -> None:
     """Register the handler with MuJoCo; a handler that was set by others is kept."""
     with _installed:
-        handler = _handler()
+        handler = _symbol("mju_user_error")
         if not handler.value:
             handler.value = ctypes.cast(_handle_failure, ctypes.c_void_p).value
 
@@ -359,8 +316,7 @@ def sound(path: Path) -> Iterator[None]:
     """
     examine(path)
     try:
-        with hush(), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the compiler's, on models that it takes all the same
+        with isolate_engine(), _unwarned():  # by the compiler, of models that it takes all the same
             yield
     except mujoco.FatalError as error:
         raise ModelError(f"{path}: {words(error)}") from error

@@ -152,7 +152,8 @@ class TappedLoop(ComposedLoop):
         from icmj.engine.native.memory import run_guarded
         from icmj.engine.native.stretches import SAMPLES, compile_stretches
 
-        mujoco.mj_forward(self.model, data)
+        with self.ready():
+            mujoco.mj_forward(self.model, data)
         tapped = self._make_tapped(data, schedule, stand)
         record = recording(CHUNK, self.model.nsensordata + tapped.own, self.width)
         log = _Log(self, tapped, data, schedule)

@@ -9,9 +9,8 @@ import pytest
 from model_cases import BIASED, MOTOR, MUSCLE, SERVO, pendulum, two, written
 
 from icmj.engine.linearisation import step_of
-from icmj.engine.model import second_order_lag
 from icmj.engine.plant import MujocoPlant, load_plant
-from icmj.engine.safety import install_callbacks
+from icmj.engine.safety import isolate_engine
 from icmj.plant.body import OperatingRule, Selection
 
 JOINTS, BALANCE = Selection(outputs="joints"), OperatingRule("balance")
@@ -50,6 +49,14 @@ def brought(package: str, name: str) -> Path:
     return Path(found.origin).parent / FOLDERS[package] / name
 
 
+def second_order_lag(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> float:
+    """ω_n²/(s² + 2ζω_n s + ω_n²) from control to force, whose states are (rate, force)."""
+    first, (omega_n, zeta) = model.actuator_actadr[actuator], model.actuator_dynprm[actuator, :2]
+    rate, force = data.act[first : first + 2]
+    data.act_dot[first : first + 2] = omega_n**2 * (data.ctrl[actuator] - force) - 2 * zeta * omega_n * rate, rate
+    return 0.0
+
+
 def transition(plant: MujocoPlant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, B and C of the whole model from ``mjd_transitionFD``.
 
@@ -66,7 +73,8 @@ def transition(plant: MujocoPlant) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     n, nv, h = 2 * model.nv + model.na, model.nv, model.opt.timestep
     A, B = np.zeros((n, n)), np.zeros((n, model.nu))
     C, D = np.zeros((model.nsensordata, n)), np.zeros((model.nsensordata, model.nu))
-    with install_callbacks(act_dyn=second_order_lag):
+    with isolate_engine():
+        mujoco.set_mjcb_act_dyn(second_order_lag)
         mujoco.mj_forward(model, data)
         mujoco.mjd_transitionFD(model, data, eps, True, A, B, C, D)
     A, B = (A - np.eye(n)) / h, B / h

@@ -20,7 +20,7 @@ from icmj.engine.model import LEAST_ROOM
 from icmj.engine.native.field import callbacks
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
-from icmj.engine.safety import install_callbacks
+from icmj.engine.safety import isolate_engine
 from icmj.errors import ModelError
 from icmj.plant.body import OperatingRule
 from icmj.plant.linear_plant import LinearPlant, transformation
@@ -56,7 +56,7 @@ def test_composed_model_is_the_error_system(actual: str, assumed: str) -> None:
     body = plant(actual, 0.9)
     control = controller(assumed)
     model = compose(body, control, no_disturbance(body.linearisation.plant.n_u))
-    with install_callbacks(*callbacks()):
+    with isolate_engine(*callbacks()):
         A = closed_loop_matrix(model, body.linearisation.point.qpos, body.linearisation.plant.n)
     system = error_system(body.linearisation.plant, control.design, control.hold)
     S = system.from_original(np.eye(system.n + 2 * system.n_hat)).T  # X̄ = S (x, x_o, x_h)
@@ -127,7 +127,7 @@ def test_several_inputs_outputs_velocities_and_ball_joints(rich: Path, trigger: 
     # what the callbacks compute, from the equations of the paper
     model = compose(body, control, no_disturbance(2))
     data = loop.data(x, np.concatenate([x_o, 2 * x_o]))
-    with install_callbacks(*callbacks()):
+    with isolate_engine(*callbacks()):
         mujoco.mj_forward(model, data)
     gains: Design = control.design
     y = np.array([data.qpos[0], data.qpos[1], data.qvel[1]]) - body.linearisation.y
@@ -157,7 +157,7 @@ def test_loop_steps_are_the_engine_s_own_steps_but_for_rounding() -> None:
     x = 0.01 * np.ones(6)
     record = loop.run(loop.data(x, np.zeros(12)), loop.schedule(Settings(duration=0.5), 2e-3))
     data = loop.data(x, np.zeros(12))
-    with install_callbacks(*callbacks()):
+    with isolate_engine(*callbacks()):
         mujoco.mj_step(loop.model, data)  # to Δ_min
         loop.model.opt.timestep = 1e-3
         data = loop.data(x, np.zeros(12))
@@ -180,7 +180,7 @@ def test_rollout_in_threads_sees_the_whole_loop() -> None:
         state = np.empty(mujoco.mj_stateSize(loop.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
         mujoco.mj_getState(loop.model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
         starts.append(state)
-    with install_callbacks(*callbacks()):
+    with isolate_engine(*callbacks()):
         states, _ = mujoco.rollout.rollout(
             loop.model, [mujoco.MjData(loop.model) for _ in range(2)], np.array(starts), nstep=100
         )

@@ -17,7 +17,7 @@ from terminal_cases import told
 from icmj import Continuous, Deviation, Settings, load_plant
 from icmj.engine import safety
 from icmj.engine.run import simulate
-from icmj.engine.safety import EngineFault, examine, guard, hush
+from icmj.engine.safety import EngineFault, examine, guard, isolate_engine
 from icmj.errors import ModelError
 
 PENDULUM = (MODELS / "pendulum.xml").read_text(encoding="utf-8")
@@ -60,7 +60,7 @@ def test_mujoco_says_nothing_where_it_is_run(
     monkeypatch.chdir(tmp_path)
     settings = Settings(duration=1.0, initial={"hinge_rate": 1e11}, limit=1e12)
     assert simulate(plant("pendulum"), controller("pendulum"), settings).outcome.kind == "diverged"
-    with hush(), hush():
+    with isolate_engine(), isolate_engine():
         mujoco.mju_writeLog  # noqa: B018
     assert capfd.readouterr() == ("", "")
     assert list(tmp_path.iterdir()) == []

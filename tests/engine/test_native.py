@@ -18,7 +18,7 @@ from icmj.engine.native import memory as structs
 from icmj.engine.native.field import callbacks
 from icmj.engine.native.memory import entry
 from icmj.engine.run import simulate
-from icmj.engine.safety import install_callbacks
+from icmj.engine.safety import isolate_engine
 from icmj.errors import ModelError
 from icmj.simulation.settings import Settings
 
@@ -86,7 +86,7 @@ def test_a_run_tells_how_it_was_computed() -> None:
 
 def test_native_callbacks_leave_other_models_alone() -> None:
     control, act_dyn = callbacks()
-    with install_callbacks(control, act_dyn):
+    with isolate_engine(control, act_dyn):
         # the compiler's temporary model, models without numerics, with others, and with a lag of their own
         model = mujoco.MjModel.from_xml_path(str(Path(__file__).parents[2] / "models" / "pendulum_neglected.xml"))
         data = mujoco.MjData(model)

@@ -23,7 +23,7 @@ from icmj.engine.native.field import callbacks
 from icmj.engine.plant import load_plant
 from icmj.engine.reaction import centre_of_pressure
 from icmj.engine.run import simulate
-from icmj.engine.safety import install_callbacks
+from icmj.engine.safety import isolate_engine
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.plant.linear_plant import Push
@@ -312,7 +312,7 @@ def test_the_loops_push_as_the_analysis_does(tmp_path):
     model, random = loop.model, np.random.default_rng(4)
     data, table = mujoco.MjData(model), block_of(model).pushes
     assert sorted(table[:, 0]) == [0, 1, 2, 2]
-    with install_callbacks(*callbacks()):
+    with isolate_engine(*callbacks()):
         for t in (0.05, 0.15, 0.25, 0.5):
             data.time, data.qvel[:] = t, random.normal(size=model.nv)
             mujoco.mj_integratePos(model, data.qpos, random.normal(size=model.nv), 0.5)

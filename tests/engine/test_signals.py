@@ -8,7 +8,7 @@ from engine_cases import controller, plant
 from icmj.engine.block import Block, Slot, block_of
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.native.field import callbacks
-from icmj.engine.safety import install_callbacks
+from icmj.engine.safety import isolate_engine
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
 from icmj.simulation.settings import Bias, Noise, Settings, Source, Step
 
@@ -36,7 +36,7 @@ def acting_at(times: np.ndarray, phase: float | None = None) -> np.ndarray:
     model, block = composed()
     data, rows = mujoco.MjData(model), []
     data.qpos[:] = plant("three_link").linearisation.point.qpos
-    with install_callbacks(*callbacks()):
+    with isolate_engine(*callbacks()):
         for time in times:
             data.time, block.header[Slot.PHASE] = time, time if phase is None else phase
             mujoco.mj_forward(model, data)
@@ -97,7 +97,7 @@ def test_terms_of_one_place_and_window_are_one_signal() -> None:
 def test_without_a_loop_the_model_keeps_nothing() -> None:
     model, block = composed()
     kept, data = block.cells.copy(), mujoco.MjData(model)
-    with install_callbacks(*callbacks()):
+    with isolate_engine(*callbacks()):
         mujoco.mj_step(model, data, nstep=10)
     assert data.ctrl[0] != 0
     np.testing.assert_array_equal(block.cells, kept)

@@ -17,7 +17,7 @@ from icmj.engine.closed_loop import close_loop
 from icmj.engine.native.field import callbacks, flow
 from icmj.engine.native.fixed_steps import save, step
 from icmj.engine.native.state import PROGRESS, engine_of
-from icmj.engine.safety import install_callbacks
+from icmj.engine.safety import isolate_engine
 
 
 @cache
@@ -85,7 +85,7 @@ def test_the_fewest_stages_give_the_engine_s_own_rates_and_steps_bit_for_bit(tmp
         block = block_of(model)
         assert block is not None
         data, other = mujoco.MjData(model), mujoco.MjData(model)
-        with install_callbacks(*callbacks()):
+        with isolate_engine(*callbacks()):
             mujoco.mj_forward(model, data)
             engine = engine_of(model, data, block.header[Slot.PHASE : Slot.PHASE + 1])
             whole = engine._replace(stages=int(stages))  # RK4 on quaternions is MuJoCo's own

@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from icmj import Controller, EventTrigger, MujocoPlant
 from icmj.engine.closed_loop import ComposedLoop
 from icmj.engine.native.field import callbacks
-from icmj.engine.safety import install_callbacks
+from icmj.engine.safety import isolate_engine
 
 
 class Flight(NamedTuple):
@@ -123,7 +123,7 @@ def rates(loop: ComposedLoop, rows: np.ndarray, moves: np.ndarray) -> np.ndarray
     """(qvel, qacc, act_dot) by ``mj_forward`` with the callbacks at all ``rows``, moved by each of ``moves``."""
     model, data = loop.model, mujoco.MjData(loop.model)
     cuts, found = [model.nq, model.nq + model.nv], np.zeros((len(rows), len(moves), 2 * model.nv + model.na))
-    with install_callbacks(*callbacks()):
+    with isolate_engine(*callbacks()):
         for row, out in zip(rows, found, strict=True):
             for place, rate in zip(row + moves, out, strict=True):
                 data.qpos[:], data.qvel[:], data.act[:] = np.split(place, cuts)
