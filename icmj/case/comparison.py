@@ -112,7 +112,7 @@ RUN = (
          attrgetter("measurement.kind"), "text"),
     Fact("on_predicted", "on the predicted cycle", "", "whether it settled on the predicted cycle",
          lambda of: on_predicted_cycle(of.prediction, of.measurement), "truth", record="converged", logged=""),
-    Fact("interval", "open-loop interval", "s", "mean open-loop interval over the last period, or of the last ones",
+    Fact("interval", "open-loop interval", "s", "mean open-loop interval over the last period; without a cycle, over many of the last",
          attrgetter("measurement.interval"), against="delta_crit"),
     _swept("error", "error of the interval", "",
            "relative departure of a settled interval from Δ_crit, where a cycle is predicted", _error),

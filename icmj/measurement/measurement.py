@@ -8,6 +8,7 @@ Recurrence in a sequence of states: closure after q steps, its trend, and the se
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -31,16 +32,17 @@ class Measurement(WithCard):
     Attributes:
         kind: kind of the motion. ``homoclinic``: the interval keeps growing while the state decays; ``noisy``: noise
             drives the motion, which is then described by its :mod:`icmj.measurement.statistics`.
-        p: events per period (1, 2, ... 8), or ``None`` without a cycle. A mirrored cycle has an even p.
+        p: events per period, or ``None`` without a cycle. A mirrored cycle has an even p.
         mirrored: whether the second half of the cycle is the first with opposite sign.
         asymmetry: largest relative departure of the second half of a cycle of an even number of events from the mirror
             image of the first, of x̄ and of the intervals; NaN with an odd number or without a cycle.
-        interval: mean open-loop interval over the last period [s] or, without a cycle, over the last intervals or,
-            under noise, over the run; ``None`` without events.
+        interval: mean open-loop interval over the last period [s]; of a quasi-periodic or irregular motion, over the
+            second half of the events; of another motion without a cycle, over the last ten; under noise, over the
+            run; ``None`` without events.
         intervals: the intervals of the last period [s], shape (p,); empty without a cycle.
         period: time after which the state repeats [s], or ``None``.
-        amplitude: peak magnitude of every output over the last period or, without a cycle, over the last ten events;
-            shape (n_y,).
+        amplitude: peak magnitude of every output over the last period or, without a cycle, over the events of
+            ``interval``; shape (n_y,).
         residual: largest relative closure error of the last period, of x̄ and of the intervals after p events (on
             a mirrored cycle after p/2 events, up to the sign); NaN without a cycle.
         words: the motion in one sentence.
@@ -86,10 +88,16 @@ class Trend:
     Attributes:
         ratio: factor per step.
         clear: whether the fit explains more than 80 % of the variance.
+        change: factor over all steps.
+        steady: whether the first and the second half have the same slope: to a tenth of that of the whole, or to
+            three standard errors. A speed that varies along a closed curve, or that slows down as 1/i does, has no
+            such trend.
     """
 
     ratio: float
     clear: bool
+    change: float = 1.0
+    steady: bool = False
 
 
 def closure(states: Array, intervals: Array, q: int, sign: int) -> Array:
@@ -103,12 +111,16 @@ def closure(states: Array, intervals: Array, q: int, sign: int) -> Array:
         q: steps, at least 1.
         sign: +1, or −1 for a mirrored return.
     """
-    norms = np.linalg.norm(states, axis=1)
-    size = np.maximum(norms[q:], norms[:-q])
-    gap = np.linalg.norm(states[q:] - sign * states[:-q], axis=1)
-    state = np.divide(gap, size, out=np.full(len(size), np.inf), where=size > 0)
-    longer = np.maximum(np.maximum(intervals[q:], intervals[:-q]), 1e-300)
-    return np.maximum(state, np.abs(intervals[q:] - intervals[:-q]) / longer)
+    return _apart((states[q:], intervals[q:]), (states[:-q], intervals[:-q]), sign)
+
+
+def _apart(here: tuple[Array, Array], there: tuple[Array, Array], sign: int) -> Array:
+    """Relative distance of states and intervals from others, which are one or as many; shape (K,)."""
+    size = np.maximum(*(np.linalg.norm(states, axis=-1) for states, _ in (here, there)))
+    gap = np.linalg.norm(here[0] - sign * there[0], axis=-1)
+    state = np.divide(gap, size, out=np.full(size.shape, np.inf), where=size > 0)
+    longer = np.maximum(np.maximum(here[1], there[1]), 1e-300)
+    return np.maximum(state, np.abs(here[1] - there[1]) / longer)
 
 
 def trend(values: Array) -> Trend:
@@ -116,11 +128,22 @@ def trend(values: Array) -> Trend:
     if len(values) < 3:
         return Trend(1.0, False)
     logs = np.log(np.maximum(values, np.finfo(float).tiny))
-    steps = np.arange(len(logs)) - (len(logs) - 1) / 2
-    slope = steps @ logs / (steps @ steps)
-    variance = ((logs - logs.mean()) ** 2).sum()
-    explained = slope**2 * (steps @ steps) / variance if variance > 0 else 0.0
-    return Trend(float(np.exp(np.clip(slope, -700, 700))), bool(explained > 0.8))
+    slope, _, explained = _line(logs)
+    middle = len(logs) // 2
+    (first, one, _), (second, other, _) = _line(logs[: middle + 1]), _line(logs[middle:])
+    steady = abs(first - second) <= max(abs(slope) / 10, 3 * np.hypot(one, other))
+    ratio, change = (float(np.exp(np.clip(slope * n, -700, 700))) for n in (1, len(logs) - 1))
+    return Trend(ratio, explained > 0.8, change, bool(steady))
+
+
+def _line(y: Array) -> tuple[float, float, float]:
+    """Slope of a straight line, its standard error (0 of two points) and the share of the variance that it explains."""
+    steps = np.arange(len(y)) - (len(y) - 1) / 2
+    extent, variance = float(steps @ steps), float(((y - y.mean()) ** 2).sum())
+    slope = float(steps @ y) / extent
+    left = max(variance - slope**2 * extent, 0.0)
+    error = np.sqrt(left / max(len(y) - 2, 1) / extent)
+    return slope, float(error), slope**2 * extent / variance if variance > 0 else 0.0
 
 
 def dominant_growth(states: Array, cut: float = 1e-6) -> float:
@@ -164,6 +187,12 @@ def separation(states: Array, ahead: int = 12, apart: int = 9) -> float:
 
 NOTHING = ": it starts at rest and nothing disturbs it; give it [simulation] initial or a disturbance"
 MANY = 120  # events from which on an open motion is called quasi-periodic or irregular
+SHORT = 8  # events of a period of which every return is looked at; of longer ones those that are close
+_CLOSE = 0.01  # closure error of the last event on a longer cycle
+_SEEN = 6  # periods of a longer cycle, to tell where it leads
+_SLOW = 1 / 15  # change per period of log closure error that shows in a longer part of the run than others
+_CHANGED = 0.9  # factor of the closure error by which it has changed
+_AWAY = 0.5  # of the state: distance from a cycle beyond which none is approached or left
 
 
 @dataclass(frozen=True)
@@ -172,7 +201,13 @@ class _Return:
 
     q: int
     sign: int
-    residuals: Array
+    states: Array
+    intervals: Array
+
+    @cached_property
+    def residuals(self) -> Array:
+        """Closure error after q events, shape (K − q,)."""
+        return closure(self.states, self.intervals, self.q, self.sign)
 
     @property
     def p(self) -> int:
@@ -182,21 +217,42 @@ class _Return:
     def name(self) -> str:
         return f"mirrored period-{self.p}" if self.sign < 0 else f"period-{self.p}"
 
-    @property
+    @cached_property
     def residual(self) -> float:
         """Largest closure error of the last period."""
         return float(self.residuals[-self.p :].max())
 
-    @property
+    @cached_property
     def fit(self) -> Trend:
         """Trend per period of the largest closure error in each of the last periods, three to thirty of them."""
-        periods = min(max(len(self.residuals) // (2 * self.p), 3), 30, len(self.residuals) // self.p)
+        return self._fit(30)
+
+    def _fit(self, most: int) -> Trend:
+        periods = min(max(len(self.residuals) // (2 * self.p), 3), most, len(self.residuals) // self.p)
         return trend(self.residuals[-periods * self.p :].reshape(periods, self.p).max(axis=1))
+
+    def leads(self, way: int) -> bool:
+        """Whether the motion approaches a cycle (way −1) or leaves it (+1): the closure error is geometric.
+
+        Its sum to the end, or from the beginning, is the distance from the cycle; after two turns it is so even if
+        turns alternate. A motion on a closed curve near a resonance returns with an error that also rises and falls,
+        but that has no steady ratio, or not for long, or adds up to more than the curve is wide: of random circle maps
+        near resonances at most 2 % are taken for an approach or a departure.
+        """
+        fit = self.fit
+        if abs(np.log(fit.ratio)) < _SLOW:
+            fit = self._fit(len(self.residuals))
+        ratio, change = (fit.ratio, fit.change) if way < 0 else (1 / fit.ratio, 1 / fit.change)
+        known = self.p <= SHORT or len(self.states) >= _SEEN * self.p
+        if not (known and fit.clear and fit.steady and change < _CHANGED):
+            return False
+        twice = closure(self.states, self.intervals, 2 * self.q, 1)[-self.p :].max()
+        return bool(min(self.residual / (1 - ratio), twice / (1 - ratio**2)) < _AWAY)
 
     @property
     def converging(self) -> bool:
         """Whether the closure error clearly falls."""
-        return self.residual < 0.5 and self.fit.clear and self.fit.ratio < 0.999
+        return self.leads(-1)
 
     def settled(self, tolerance: float, floor: float) -> bool:
         """Whether the remaining closure error is below ``tolerance`` and does not grow."""
@@ -211,7 +267,7 @@ def measure(
     simulation: Simulation,
     *,
     T_hat: Array | None = None,
-    max_period: int = 8,
+    max_period: int = 1000,
     tolerance: float = 1e-6,
     floor: float = 1e-11,
 ) -> Measurement:
@@ -251,14 +307,8 @@ def measure(
             f"No limit cycle: the open-loop interval grows without bound (last {last} s) and the state decays.",
         )
     silence = simulation.outcome.t - events.t[-1]
-    running = silence <= 1.5 * events.interval[-max_period:].max()
-    returns = [
-        _Return(q, sign, closure(states, events.interval, q, sign))
-        for q in range(1, max_period + 1)
-        for sign in (1, -1)
-        if q * (1 if sign > 0 else 2) <= max_period and 3 * q * (1 if sign > 0 else 2) <= K
-    ]
-    returns.sort(key=lambda r: r.p)
+    running = silence <= 1.5 * events.interval[-max(SHORT, K // 2) :].max()
+    returns = _returns(states, events.interval, min(max_period, K // 3))
     for candidate in returns if running else []:
         if candidate.residual < tolerance and candidate.settled(tolerance, floor):
             # a cycle approached with alternating sign closes after two turns long before it does after one
@@ -271,6 +321,18 @@ def measure(
                 return _cycle(simulation, states, finest)
             break
     return _open(simulation, states, returns, running, tolerance, floor)
+
+
+def _returns(states: Array, intervals: Array, longest: int) -> list[_Return]:
+    """Returns after at most so many events, by rising period: all of the short ones, of others those that are close."""
+    found = []
+    for sign, most in ((-1, longest // 2), (1, longest)):
+        before = states[-most - 1 : -1][::-1], intervals[-most - 1 : -1][::-1]
+        last = _apart((states[-1:], intervals[-1:]), before, sign) if most else np.zeros(0)
+        steps = np.arange(1, most + 1)
+        for q in steps[(steps * (1 if sign > 0 else 2) <= SHORT) | (last < _CLOSE)]:
+            found.append(_Return(int(q), sign, states, intervals))
+    return sorted(found, key=lambda one: one.p)
 
 
 def _at_rest(simulation: Simulation) -> bool:
@@ -341,6 +403,8 @@ def _cycle(simulation: Simulation, states: Array, found: _Return) -> Measurement
     asymmetry = np.nan if p % 2 else float(closure(states, simulation.events.interval, p // 2, -1)[-p:].max())
     period = float(intervals.sum())
     rhythm = f"{intervals.mean():.6g} s" if np.ptp(intervals) < 1e-5 * period else _list(intervals)
+    if p > SHORT:
+        rhythm = f"{intervals.min():.6g} to {intervals.max():.6g} s, mean {intervals.mean():.6g} s"
     return Measurement(
         kind="cycle",
         p=p,
@@ -381,22 +445,28 @@ def _open(
     for candidate in returns:
         if candidate.converging:
             return _other(simulation, "too short", _approach(simulation, candidate, tolerance))
-        fit = candidate.fit
-        if fit.clear and fit.ratio > 1.001 and floor < candidate.residual < 0.1:
-            words = f"Too short to tell: it leaves a {candidate.name} cycle, by a factor {fit.ratio:.3f} per period."
+        if candidate.leads(1) and floor < candidate.residual < 0.1:
+            ratio = candidate.fit.ratio
+            words = f"Too short to tell: it leaves a {candidate.name} cycle, by a factor {ratio:.3f} per period."
             return _other(simulation, "too short", words)
     if K < MANY:
         words = f"Too short to tell: {K} events, no return within {tolerance:g} among them."
         return _other(simulation, "too short", words)
+    for candidate in _returns(states, simulation.events.interval, 2 * K // 3):
+        if candidate.residuals[-SHORT:].max() < tolerance:
+            words = (
+                f"Too short to tell: the last {SHORT} events are as {candidate.q} before, which is not seen for long."
+            )
+            return _other(simulation, "too short", words)
     growth = separation(states[-2 * K // 3 :])
     if growth < 1.03:
         words = (
             "Quasi-periodic: bounded, neighbouring motions stay neighbours, but no return within "
-            f"{tolerance:g} after up to {returns[-1].p} events."
+            f"{tolerance:g} after up to {K // 3} events."
         )
-        return _other(simulation, "quasi-periodic", words)
+        return _other(simulation, "quasi-periodic", words, K - K // 2)
     words = f"Irregular: bounded, but neighbouring motions part by a factor {growth:.3f} per event."
-    return _other(simulation, "irregular", words)
+    return _other(simulation, "irregular", words, K - K // 2)
 
 
 def _approach(simulation: Simulation, candidate: _Return, tolerance: float) -> str:
@@ -409,16 +479,17 @@ def _approach(simulation: Simulation, candidate: _Return, tolerance: float) -> s
     )
 
 
-def _other(simulation: Simulation, kind: MotionKind, words: str) -> Measurement:
+def _other(simulation: Simulation, kind: MotionKind, words: str, last: int = 10) -> Measurement:
+    """A motion without a cycle, with interval and amplitude over its last events."""
     interval = simulation.events.interval
     return Measurement(
         kind=kind,
         p=None,
         mirrored=False,
-        interval=float(interval[-10:].mean()) if len(interval) else None,
+        interval=float(interval[-last:].mean()) if len(interval) else None,
         intervals=np.zeros(0),
         period=None,
-        amplitude=_amplitude(simulation, 10),
+        amplitude=_amplitude(simulation, last),
         residual=float("nan"),
         words=words,
         outputs=simulation.labels.outputs,

@@ -62,10 +62,74 @@ def test_mirrored_cycles(half):
     assert "mirrored" in found.words
 
 
-def test_a_period_beyond_the_largest_is_not_a_cycle_unless_asked_for():
-    run = motion(*periodic(11, K=200))
-    assert measure(run, T_hat=T_HAT).kind != "cycle"
-    assert measure(run, T_hat=T_HAT, max_period=12).p == 11
+@pytest.mark.parametrize("p", [9, 10, 18, 40, 56, 65])
+def test_cycles_of_many_events(p):
+    """Approached at any rate, seen three times, with rounding: p, period and mean interval of whole periods."""
+    for seed, rate in enumerate((0.0, 0.2, 0.8, -0.5, -0.9)):
+        K = 3 * p + (int(p * np.log(1e-10) / np.log(abs(rate))) if rate else 0) + seed
+        states, intervals = periodic(p, K=K, noise=1e-12, seed=seed)
+        turn, direction = np.arange(K) // p, np.random.default_rng(seed).standard_normal((2, p, 4))
+        states = states + 0.1 * rate ** turn[:, None] * direction[0][np.arange(K) % p]
+        found = measure(motion(states, intervals), T_hat=T_HAT)
+        assert (found.kind, found.p, found.mirrored) == ("cycle", p, False)
+        assert found.period == pytest.approx(intervals[:p].sum(), rel=1e-12)
+        assert found.interval == pytest.approx(intervals[:p].mean(), rel=1e-12)
+        longer = measure(motion(*periodic(p, K=4 * p, sign=-1, seed=seed)), T_hat=T_HAT)
+        assert (longer.kind, longer.p) == ("too short", None)  # the mirrored one of 2p is seen twice
+        longer = measure(motion(*periodic(p, K=6 * p, sign=-1, seed=seed)), T_hat=T_HAT)
+        assert (longer.kind, longer.p, longer.mirrored) == ("cycle", 2 * p, True)
+    assert measure(motion(states, intervals), T_hat=T_HAT, max_period=p - 1).kind != "cycle"
+
+
+@pytest.mark.parametrize("p", [10, 28])
+@pytest.mark.parametrize("rate", [0.9, -0.95])
+def test_a_long_cycle_still_being_approached_is_named(p, rate):
+    turn = np.arange(12 * p) // p
+    states, intervals = periodic(p, K=12 * p, seed=p)
+    states = states + 2e-3 * rate ** turn[:, None]
+    found = measure(motion(states, intervals), T_hat=T_HAT)
+    assert found.kind == "too short"
+    assert f"approaching a period-{p} cycle" in found.words
+
+
+@pytest.mark.parametrize(("gain", "p", "period"), [(2.13, 10, 6.007258), (2.02, 18, 10.005183), (2.06, 40, 24.408809)])
+def test_long_cycles_of_a_simulated_case(gain, p, period, root):
+    """Against periods that Newton's method found."""
+    run = load_run(root / "runs" / "simple-1.7.toml").with_(**{"actual.gain": gain, "simulation.duration": 600.0})
+    found = measure(simulate_case(prepare(run), "linear"), T_hat=T_HAT)
+    assert (found.kind, found.p) == ("cycle", p)
+    assert found.period == pytest.approx(period, abs=5e-7)
+    assert found.interval == pytest.approx(period / p, abs=5e-7)
+
+
+def circle_maps(count, K, seed):
+    """Motions θ ↦ θ + Ω + k/2π sin 2πθ near resonances, on random closed curves; those that are not locked."""
+    random = np.random.default_rng(seed)
+    q = random.integers(1, 9, count)
+    omega = random.integers(1, q + 1) / q + random.choice((-1, 1), count) * 10 ** random.uniform(-4, -1.5, count)
+    k = random.choice((0.0, 1.0), count) * random.uniform(0, 0.95, count)
+    angle, angles = random.uniform(0, 1, count), []
+    for _ in range(1000 + K + 20_000):
+        angles.append(angle)
+        angle = angle + omega + k / (2 * np.pi) * np.sin(2 * np.pi * angle)
+    far = np.log(1 + k * np.cos(2 * np.pi * np.array(angles[-10_000:]))).mean(axis=0)  # Lyapunov exponent
+    for of in np.flatnonzero(far > -1e-5):
+        phase = 2 * np.pi * np.array(angles[1000 : 1000 + K])[:, of, None] * [1, 2, 3]
+        a, b = random.standard_normal((2, 4, 3)) / [1, 2, 3]
+        yield np.cos(phase) @ a.T + np.sin(phase) @ b.T, 1 + 0.2 * np.cos(phase[:, 0])
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(600, marks=pytest.mark.slow)])
+def test_quasi_periodic_motions_near_a_resonance_are_seldom_said_to_approach_a_cycle(count):
+    """At most 2 % of them; with as many, two standard deviations of the binomial distribution more."""
+    motions = list(circle_maps(count, 400, count))
+    found = [measure(motion(*one), T_hat=T_HAT) for one in motions]
+    assert not any(one.kind == "cycle" for one in found)
+    wrong = sum("a cycle" in one.words or "approaching" in one.words or "leaves" in one.words for one in found)
+    assert wrong <= 0.02 * len(found) + 2 * np.sqrt(0.02 * len(found))
+    for one, (_, intervals) in zip(found, motions, strict=True):
+        if one.kind == "quasi-periodic":
+            assert one.interval == pytest.approx(intervals[200:].mean(), rel=1e-12)
 
 
 @pytest.mark.parametrize("rate", [0.5, 0.9, 0.99, -0.97])
