@@ -38,10 +38,13 @@ from threading import Lock
 from types import FrameType, ModuleType
 from typing import Any, get_origin
 
+from icmj.errors import IcmjError
+
 LEAST_ROOM = 1 << 30  # bytes
 _ARENAS = -8  # M_ARENA_MAX of the GNU C library
-INTERPRETED = os.environ.get("ICMJ_INTERPRETED", "") not in ("", "0")
-"""Whether what is otherwise compiled runs as plain Python; see :mod:`icmj.base.compilation`."""
+INTERPRETED = any(os.environ.get(name, "") not in ("", "0") for name in ("ICMJ_INTERPRETED", "NUMBA_DISABLE_JIT"))
+"""Whether what is otherwise compiled runs as plain Python, as numba is asked to by a variable of its own, too; see
+:mod:`icmj.base.compilation`."""
 SWITCH = "set the environment variable ICMJ_INTERPRETED=1, with which the same code runs as plain Python"
 _BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
@@ -554,6 +557,22 @@ def run_bounded(
         check=False,
         env={**os.environ, **(environment or {})},
     )
+
+
+def expect_minor(package: str, minor: str, error: type[IcmjError]) -> None:
+    """See that the installed version of a package is of the minor version that icmj is tested with, such as ``4.0``.
+
+    Raises:
+        IcmjError: of the class ``error``, if it is another, or the package is missing.
+    """
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        found = version(package)
+    except PackageNotFoundError:
+        found = "none"
+    if found.split(".")[:2] != minor.split("."):
+        raise error(f"{package}: icmj needs {minor}, found {found}; run: pip install '{package}=={minor}.*'")
 
 
 def load_matplotlib_apart() -> None:

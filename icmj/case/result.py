@@ -32,6 +32,7 @@ from icmj.base import VERSION
 from icmj.base.array import Array, between
 from icmj.base.numbers import Card, WithCard
 from icmj.controller.controller import Controller, Law, has_trigger
+from icmj.errors import ReportError
 from icmj.measurement.measurement import Measurement, measure, reduced_states
 from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant, transformation
@@ -66,11 +67,18 @@ class SweepTable:
     units: Mapping[str, str] = field(default_factory=dict)
 
     def numbers(self, column: str) -> Array:
-        """A numeric or Boolean column, NaN where a value is missing; shape (rows,)."""
+        """A numeric or Boolean column, NaN where a value is missing; shape (rows,); raises as :meth:`texts`."""
         return np.array([np.nan if value is None else float(value) for value in self.texts(column)])
 
     def texts(self, column: str) -> list[Any]:
-        """A column without conversion."""
+        """A column without conversion.
+
+        Raises:
+            ReportError: if there is no such column.
+        """
+        names = self.table.column_names
+        if column not in names:
+            raise ReportError(f"sweep {self.name!r} has no column {column!r}; there are {', '.join(names[:8])} …")
         return list(self.table[column].to_pylist())
 
 

@@ -143,10 +143,15 @@ def _obey(arguments: list[str]) -> int:
 
 @contextlib.contextmanager
 def _library_words_unsaid() -> Iterator[None]:
-    """Suppress warnings of libraries unless Python was asked to show them; icmj reports what they mean itself."""
+    """Suppress warnings of libraries unless Python was asked to show them; icmj reports what they mean itself.
+
+    Where Python was asked to make errors of them they are shown: a library that warns has done its work all the same.
+    """
     with warnings.catch_warnings():
         if not sys.warnoptions:
             warnings.simplefilter("ignore")
+        elif any(action.startswith("e") for action in sys.warnoptions):
+            warnings.simplefilter("default")
         yield
 
 

@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, read_parquet
+from icmj.base.array import Array, read_parquet, refuse_fatal
 from icmj.base.files import read_bytes, whole
 from icmj.base.text import one_line, parse_json
 from icmj.cycle.return_map import PlantKind
@@ -200,6 +200,7 @@ def read_branch(path: Path | str) -> Branch:
 
     path = Path(path)
     try:
+        refuse_fatal(path)
         table = read_parquet(read_bytes(path, _MOST_BYTES), _MOST_CYCLES, _MOST_BYTES)
         flat = {}
         for name in COLUMNS:

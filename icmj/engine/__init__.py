@@ -2,4 +2,9 @@
 
 import lazy_loader
 
+from icmj.base.process import expect_minor
+from icmj.errors import ModelError
+
+expect_minor("mujoco", "4.0", ModelError)
+
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

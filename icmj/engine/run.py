@@ -110,8 +110,8 @@ def estimate(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy
     """Estimate the error of a run; all NaN where the run is too short to repeat a stretch of it."""
     if loop.controller.delay.in_flight(loop.controller.trigger.clock) > 1:
         return _nothing(loop)  # a row does not hold the events that have not acted yet
-    # an interval alone knows nothing of signals
-    if len(record.events) >= 2 and not len(loop.controller.realisation.signals):
+    # an interval alone knows nothing of what a set-point is at, which is a state of the controller, too
+    if len(record.events) >= 2 and not loop.controller.setpoint:
         return _over_an_interval(loop, schedule, record)
     return _over_a_second(loop, schedule, record)
 

@@ -278,6 +278,7 @@ def simulate_bank(
     with resume(folder, of, FitError, again="simulated", instead="choose another folder", alone=False) as home:
         reader, draws = Reader(home, len(family.prior), trials), home.path / DRAWS
         parts = [range(first, min(first + chunk, n)) for first in range(0, n, chunk)]
+        home.expect_readable(draws / _name(part.start) for part in parts)
         left = [part for part in parts if reader.count(draws / _name(part.start)) < len(part)]
         done = len(parts) - len(left)
         for part, content, why in _compute(plan, family, left, jobs, dask):
@@ -310,7 +311,9 @@ def read_bank(folder: Path | str, family: Family | None = None) -> Bank:
     reader = Reader(home, len(family.prior), facts.trials)
     parts: list[tuple[Array, ...]] = []
     count = 0
-    for path in sorted((home.path / DRAWS).glob("[0-9]*.parquet")):
+    paths = sorted((home.path / DRAWS).glob("[0-9]*.parquet"))
+    home.expect_readable(paths)
+    for path in paths:
         first = int(path.stem) if path.stem.isdecimal() else MOST
         if first > count:
             break

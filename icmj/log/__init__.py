@@ -22,4 +22,9 @@ Series of a group are the columns of one entity, named by its static ``SeriesLin
 
 import lazy_loader
 
+from icmj.base.process import expect_minor
+from icmj.errors import LogError
+
+expect_minor("rerun-sdk", "0.41", LogError)
+
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)  # rerun takes 0.4 s to import

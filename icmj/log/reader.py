@@ -513,7 +513,7 @@ def _reason(messages: IO[bytes]) -> str:
     """Why the viewer stopped, in one line."""
     messages.seek(0)
     text = messages.read().decode(errors="replace")
-    if "adapter" in text.lower() or "vulkan" in text.lower():
+    if any(words in text.lower() for words in ("adapter", "vulkan", "render context")):
         return NO_RENDERER
     if "DISPLAY" in text:
         return "no display"

@@ -68,7 +68,10 @@ def spectrum(t: Array, values: Array, segments: int = SEGMENTS) -> Spectrum:
     smooth, step = level_still(smooth), float(even[-1] - even[0]) / (len(even) - 1)
     length = max(len(even) // segments, 2)
     parts = cut_windows(smooth - smooth[0], length)
-    frequency, power = np.asarray(np.fft.rfftfreq(length, step), float), (np.abs(np.fft.rfft(parts, axis=1)) ** 2).mean(axis=0)
+    frequency, power = (
+        np.asarray(np.fft.rfftfreq(length, step), float),
+        (np.abs(np.fft.rfft(parts, axis=1)) ** 2).mean(axis=0),
+    )
     alone = np.zeros(len(frequency), dtype=bool)  # lines without a partner at −f, which are real
     alone[0], alone[-1] = True, length % 2 == 0
     power *= np.where(alone, 1.0, 2.0)[:, None] * step / (hann(length) ** 2).sum()

@@ -69,11 +69,6 @@ def grid(swept: SweepTable, x: str, y: str) -> Grid:
     Raises:
         ReportError: if a column is not there or not of numbers, or the points are not on a grid.
     """
-    for name in (x, y):
-        if name not in swept.table.column_names:
-            raise ReportError(
-                f"sweep {swept.name!r} has no column {name!r}; there are {', '.join(swept.table.column_names[:8])} …"
-            )
     try:
         columns = [swept.numbers(name) for name in (x, y)]
     except (TypeError, ValueError) as error:
@@ -118,8 +113,6 @@ def draw_curve(axes: Axes, swept: SweepTable, x: str) -> None:
     Raises:
         ReportError: if the column is not there or not of numbers.
     """
-    if x not in swept.table.column_names:
-        raise ReportError(f"sweep {swept.name!r} has no column {x!r}")
     at, crit, sign = swept.numbers(x), swept.numbers("predicted_delta_crit"), swept.numbers("predicted_eigenvalue")
     order = np.argsort(at)
     at, crit, sign = at[order], crit[order], sign[order]
@@ -162,8 +155,10 @@ _OTHERS = "#bbbbbb"
 _SAME = 1e-3  # relative: intervals that are closer than this are of one cycle
 
 
-def draw_validity(axes: Axes, swept: SweepTable, x: str, y: str, plant: str = "mujoco") -> Any:
+def draw_validity(axes: Axes, swept: SweepTable, x: str, y: str, plant: str | None = None) -> Any:
     """|relative error of the interval| in colour, contours at 0.1, 1 and 10 %; regions without the cycle are hatched.
+
+    It is of MuJoCo where no plant is named and the sweep simulated it, else of the linear plant.
 
     Returns:
         The coloured mesh, for a colour bar.
@@ -171,6 +166,7 @@ def draw_validity(axes: Axes, swept: SweepTable, x: str, y: str, plant: str = "m
     from matplotlib.patches import Patch
 
     laid = grid(swept, x, y)
+    plant = plant or ("mujoco" if "mujoco_outcome" in swept.table.column_names else "linear")
     what = regions(swept, laid, plant)
     error = np.abs(laid.lay(swept.numbers(f"{plant}_error")))
     error[(what != "cycle")] = np.nan

@@ -204,8 +204,11 @@ def pressure(axes: Axes, *results: Result, axis: str | None = None, legend: bool
     return _legend(axes, legend)
 
 
-def validity(axes: Axes, swept: SweepTable, x: str, y: str, *, plant: str = "mujoco", legend: bool = True) -> Axes:
-    """Relative error of the predicted interval over columns ``x`` and ``y`` of a sweep; contours: 0.1, 1 and 10 %."""
+def validity(axes: Axes, swept: SweepTable, x: str, y: str, *, plant: str | None = None, legend: bool = True) -> Axes:
+    """Relative error of the predicted interval over columns ``x`` and ``y`` of a sweep; contours: 0.1, 1 and 10 %.
+
+    It is of ``plant``, by default MuJoCo where the sweep simulated it, else the linear plant.
+    """
     draw_validity(axes, swept, x, y, plant)
     if not legend and (drawn := axes.get_legend()) is not None:
         drawn.remove()

@@ -185,10 +185,15 @@ SHAPE = 0.66  # height of a figure over the width of one column
 
 @contextmanager
 def apply() -> Iterator[None]:
-    """This style for the length of a ``with`` block; matplotlib's own settings come back after it."""
+    """This style for the length of a ``with`` block, on matplotlib's defaults; the settings before come back after it.
+
+    What a ``matplotlibrc`` sets, such as LaTeX for all text, is of other figures: these are the same everywhere.
+    """
     import matplotlib
 
-    with matplotlib.rc_context(RC):
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(RC)
         yield
 
 

@@ -17,7 +17,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from icmj.base.array import Array, each_npz, npz_headers, read_npz
+from icmj.base.array import Array, each_npz, npz_headers, read_npz, refuse_fatal
 from icmj.base.files import open_file, whole
 from icmj.base.text import one_line
 from icmj.errors import DataError
@@ -235,6 +235,10 @@ def _read_parquet(path: Path, source: BinaryIO, columns: Sequence[str], rate: fl
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    try:
+        refuse_fatal(path)
+    except ValueError as error:
+        raise DataError(f"not a Parquet file that can be read ({error})") from error
     try:
         with pq.ParquetFile(source, pre_buffer=False, buffer_size=_PART) as file:
             every = list(file.schema_arrow)

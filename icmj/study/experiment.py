@@ -381,6 +381,7 @@ def _trials(
     """The trials of every condition, in order: read where they are done, else simulated."""
     count, first = file.experiment.repetitions, file.experiment.seed
     every = [(one, i) for one in conditions for i in range(count)]
+    folder.expect_readable(path for one, i in every for path in _files(folder.path, one.label, i))
     known = {(one, i): found for one, i in every if (found := read_trial(folder, one.label, i)) is not None}
     left = [each for each in every if each not in known]
     jobs = processes(jobs, len(left))

@@ -41,7 +41,7 @@ from icmj.work.workers import Crew
 from icmj.work.workers import crew as _crew
 
 WHAT, POINTS, TIMING = "sweep", "points", "timing.csv"
-_MOST_OF_CHUNK = 500e6  # bytes of one chunk, in its file and in memory
+_MOST_OF_ROW, _MOST_OF_CHUNK = 100e3, 500e6  # bytes of a row, and of one chunk, in its file and in memory
 _CHUNK = re.compile(r"\d{8,10}")
 
 
@@ -91,13 +91,15 @@ class Dataset:
                     raise ValueError(f"{count} rows, expected {len(rows)}")
                 known = found
 
-            table = read_parquet(content, self.facts.chunk, _MOST_OF_CHUNK, list(only) or None, check)
+            table = read_parquet(content, self.facts.chunk, most, list(only) or None, check)
             _check_values(table, rows, self.facts)
             return table
 
-        for chunk, path in self.files().items():
+        files, most = self.files(), min(_MOST_OF_CHUNK, _MOST_OF_ROW * (self.facts.chunk + 100))
+        self._folder.expect_readable(files.values())
+        for chunk, path in files.items():
             rows = self.facts.rows(chunk)
-            yield chunk, self._folder.read(path, _MOST_OF_CHUNK, parse)
+            yield chunk, self._folder.read(path, most, parse)
 
     def write(self, chunk: int, computed: ChunkResult) -> None:
         """Write one chunk, and how long it took; this is not essential, and omitted if it cannot be written.

@@ -31,6 +31,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 from icmj.base import VERSION
+from icmj.base.array import FATAL, find_fatal
 from icmj.base.files import LOCK, clear_leftovers, lock, open_file, read_bytes, ready, regular, whole
 from icmj.base.text import one_line, parse_json
 from icmj.errors import IcmjError
@@ -114,7 +115,7 @@ def _read_word(path: Path) -> str:
 
 SUMS = "SHA256SUMS"
 _MOST_SUMS = 200e6  # bytes: two million files
-_MOST_WORDS = 50e6  # bytes of a description
+_MOST_WORDS = 5e6  # bytes of a description: texts of files, each of a megabyte at most
 _LARGEST = 1e11  # bytes of a file whose digest is asked for
 
 T = TypeVar("T")
@@ -185,6 +186,15 @@ class Folder:
         except Exception as error:  # readers of tables and arrays raise a dozen types on damaged files
             words = f"cannot be read ({_why(error)}); remove it, and it is {self._again} again"
             raise self._error(f"{path}: {words}") from error
+
+    def expect_readable(self, paths: Iterable[Path]) -> None:
+        """See that no table among these ends the process that reads it: all at once, before they are :meth:`read`.
+
+        Raises:
+            IcmjError: of the class of this folder, if one does.
+        """
+        if (fatal := find_fatal(paths)) is not None:
+            raise self._error(f"{fatal}: cannot be read ({FATAL}); remove it, and it is {self._again} again")
 
     def describe(self, what: str, parse: Callable[[bytes], T]) -> T:
         """What ``parse`` makes of the description of the folder.

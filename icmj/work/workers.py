@@ -274,7 +274,7 @@ def _hold_signals() -> Iterator[None]:
 
 
 _AHEAD = 2  # tasks for each thread of the cluster: one at work, one that waits
-_ANSWER = 30.0  # s for the scheduler to answer, as long as Dask itself waits
+_ANSWER = 30.0  # s for the scheduler to answer, as long as Dask itself waits, and for the first worker to join it
 _FAREWELL = 2.0  # s for it to hear that it is no longer needed
 
 
@@ -343,7 +343,7 @@ def cluster(address: str, function: Callable[..., Any]) -> Iterator[Cluster]:
     """A cluster by the address of its scheduler, whose workers are to compute by ``function``.
 
     Raises:
-        SweepError: if dask is not installed, or no scheduler answers.
+        SweepError: if dask is not installed, no scheduler answers, or it has no worker.
     """
     try:
         from dask.distributed import Client
@@ -355,6 +355,13 @@ def cluster(address: str, function: Callable[..., Any]) -> Iterator[Cluster]:
         except (OSError, ValueError, TimeoutError) as error:
             raise SweepError(f"--dask {address}: no scheduler answers there ({one_line(error, 200)})") from error
         try:
+            try:
+                client.wait_for_workers(1, timeout=_ANSWER)
+            except TimeoutError as error:
+                raise SweepError(
+                    f"--dask {address}: its scheduler has had no worker for {_ANSWER:g} s; start some first, with: "
+                    f"dask worker {address}"
+                ) from error
             yield Cluster(client, function)
         finally:
             with suppress(Exception):  # the scheduler is gone
