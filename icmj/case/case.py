@@ -549,7 +549,7 @@ def measure_own(run: RunFile, simulation: Simulation) -> dict[str, float]:
         told = run.code.make(reference, simulation)
         try:
             found |= {str(name): float(value) for name, value in dict(told).items()}
-        except (TypeError, ValueError) as error:
+        except Exception as error:
             raise RunFileError(
                 f"{run.path}: {reference} must return numbers by name, and returned {one_line(repr(told), 60)}"
             ) from error

@@ -116,6 +116,31 @@ class RecordedLaw(Law):
         return {"controller": self.reference, **self.parameters}
 
 
+def expect_law(law: object, plant: LinearPlant) -> Law:
+    """See that a controller of the user's own is one for this assumed plant; all that is asked of it is asked once.
+
+    Raises:
+        AnalysisError: if it is no law, has no realisation, or one of other inputs and outputs than the plant's.
+    """
+    if not isinstance(law, Law):
+        raise AnalysisError(f"a {type(law).__name__}; expected an icmj.Law")
+    asked = {"realisation": (law.realisation, Realisation), "plant": (law.plant, LinearPlant), "kind": (law.kind, str),
+             "facts()": (law.facts(), Mapping)}  # fmt: skip
+    for name, (found, kind) in asked.items():
+        if not isinstance(found, kind):
+            raise AnalysisError(f"its {name} is a {type(found).__name__}; expected a {kind.__name__}")
+    if (law.plant.inputs, law.plant.outputs) != (plant.inputs, plant.outputs):
+        raise AnalysisError("its plant has other inputs or outputs than the assumed plant")
+    real = law.realisation
+    readings = len(real.taps) * (plant.n_y + plant.n_u * real.commands) + len(np.unique(real.signals[:, 0]))
+    if real.K.shape[0] != plant.n_u or real.N.shape[1] < readings:
+        raise AnalysisError(
+            f"its realisation has {real.K.shape[0]} commands and {real.N.shape[1]} readings; the assumed plant takes "
+            f"{plant.n_u}, and gives {readings}"
+        )
+    return law
+
+
 def record_law(law: Law) -> Law:
     """A controller as a log keeps it: itself, but for one that is not of icmj."""
     if type(law).__module__.startswith(f"{__package__}."):

@@ -24,6 +24,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -146,6 +147,25 @@ def expect_rule(trigger: object) -> None:
     """
     if not isinstance(trigger, EventRule):
         raise AnalysisError(f"the rule is a {type(trigger).__name__}; expected an event rule, such as EventTrigger")
+
+
+def expect_own_rule(rule: object, design: Design) -> EventRule:
+    """See that an event rule of the user's own fits a controller of this design; all that is asked is asked once.
+
+    Raises:
+        AnalysisError: if it is no event rule, or does not fit.
+    """
+    expect_rule(rule)
+    assert isinstance(rule, EventRule)
+    asked = {"faces": (rule.faces(design), Faces), "facts()": (rule.facts(), Mapping), "size": (rule.size, Real),
+             "delta_min": (rule.delta_min, Real), "resized(size)": (rule.resized(rule.size), EventRule)}  # fmt: skip
+    for name, (found, kind) in asked.items():
+        if not isinstance(found, kind):
+            raise AnalysisError(f"its {name} is a {type(found).__name__}; expected a {kind.__name__}")
+    R = rule.faces(design).R
+    if R.ndim != 2 or R.shape[1] != design.plant.n or not np.isfinite(R).all():
+        raise AnalysisError(f"the R of its faces has shape {R.shape}; expected {design.plant.n} finite columns")
+    return rule
 
 
 @dataclass(frozen=True, eq=False)

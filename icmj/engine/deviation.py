@@ -189,7 +189,7 @@ class Deviation:
         if self.edit is not None:
             try:
                 self.edit(spec, self.rho)
-            except Exception as error:  # whatever the user's code raises
+            except (Exception, SystemExit) as error:  # whatever the user's code raises
                 raise ModelError(f"{name}: edit: {type(error).__name__}: {' '.join(str(error).split())}") from error
         if not inside and self.edit is None:
             return model

@@ -11,13 +11,13 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, cast
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from icmj.base.array import MOST_ENTRIES, Array, Finite, NonNegative, Positive, instants, real
-from icmj.controller.controller import Controller, Law
+from icmj.controller.controller import Controller, Law, expect_law
 from icmj.controller.delayed import Channel, DelayedPID, PredictorController, SwitchingChannels, SwitchingPD, slope_of
 from icmj.controller.design import HOLDS, Delay, Design, Hold
 from icmj.controller.setpoint import (
@@ -32,7 +32,7 @@ from icmj.controller.setpoint import (
     step,
     ternary,
 )
-from icmj.controller.trigger import BoxTrigger, EventRule, EventTrigger, as_weight, expect_rule
+from icmj.controller.trigger import BoxTrigger, EventRule, EventTrigger, as_weight, expect_own_rule
 from icmj.errors import AnalysisError, RunFileError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.quality import Kind
@@ -50,7 +50,7 @@ from icmj.runfile.table import (
     keys_of,
     make,
 )
-from icmj.work.own_code import Code, pick_accepted
+from icmj.work.own_code import Code, guard, pick_accepted
 
 _RULES = ("quadratic", "box")
 
@@ -181,8 +181,8 @@ class Control(ControllerTable):
         if self.rule not in _RULES:
             given = pick_accepted(code.find(self.rule), {"delta_min": self.delta_min})
             rule = code.make(self.rule, **{**given, **self.parameters})
-            expect_rule(rule)
-            return cast(EventRule, rule)
+            with guard(self.rule):
+                return expect_own_rule(rule, design)
         if self.rule == "box":
             assert self.threshold is not None
             return BoxTrigger(np.array(self.threshold), self.on, self.delta_min)
@@ -351,9 +351,8 @@ class OwnController(ControllerTable):
     def law(self, parts: Parts) -> Law:
         given = pick_accepted(parts.code.find(self.kind), {"delay": parts.delay.t_d})
         made = parts.code.make(self.kind, parts.assumed, **{**given, **self.parameters})
-        if not isinstance(made, Law):
-            raise RunFileError(f"controller.kind: {self.kind} makes a {type(made).__name__}; expected an icmj.Law")
-        return made
+        with guard(self.kind):
+            return expect_law(made, parts.assumed)
 
 
 def _kind(table: Any) -> str:

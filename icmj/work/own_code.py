@@ -22,6 +22,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -184,29 +185,21 @@ class Code:
                 "allow_code=True)"
             )
         name, _, attribute = reference.partition(":")
-        try:
+        with guard(f"{reference}: importing it"):
             module = self._module(name)
-        except IcmjError:
-            raise
-        except Exception as error:  # whatever the user's module raises
-            raise RunFileError(f"{reference}: importing it fails ({_words(error)})") from error
-        if not hasattr(module, attribute):
-            raise RunFileError(f"{reference}: the module has no {attribute!r}")
-        return getattr(module, attribute)
+            if hasattr(module, attribute):
+                return getattr(module, attribute)
+        raise RunFileError(f"{reference}: the module has no {attribute!r}")
 
-    def make(self, reference: str, *arguments: Any, **parameters: Any) -> Any:
-        """The result of ``module:name`` for these arguments and parameters.
+    def make(self, reference: str, /, *arguments: Any, **parameters: Any) -> Any:
+        """The result of ``module:name`` for these arguments and parameters, which may have any names.
 
         Raises:
-            RunFileError: as :meth:`named`, or if it fails.
+            RunFileError: as :meth:`find`, or if it fails.
         """
         make = self.find(reference)
-        try:
+        with guard(reference):
             return make(*arguments, **parameters)
-        except IcmjError:
-            raise
-        except Exception as error:  # whatever the user's code raises
-            raise RunFileError(f"{reference} fails ({_words(error)})") from error
 
     def digest(self, reference: str) -> str:
         """SHA-256 of the source file in which ``module:name`` would be looked for, which is not run; "" if none."""
@@ -263,6 +256,21 @@ class Code:
         return module
 
 
+@contextmanager
+def guard(what: str) -> Iterator[None]:
+    """Within the block code of the user's own is at work: what it raises, or that it wants to exit, is its failure.
+
+    Raises:
+        RunFileError: in one line that begins with ``what``; errors of icmj are told as what they are.
+    """
+    try:
+        yield
+    except IcmjError as error:
+        raise type(error)(f"{what}: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise RunFileError(f"{what} fails ({_words(error)})") from error
+
+
 def _imports(path: Path, package: str) -> Iterator[str]:
     """Names of the modules, and of what may be modules, that the source of one in ``package`` imports."""
     try:
@@ -301,7 +309,7 @@ def pick_accepted(make: Callable[..., Any], parameters: Mapping[str, Any]) -> di
     """The ``parameters`` that ``make`` accepts by name."""
     try:
         known = inspect.signature(make).parameters
-    except (TypeError, ValueError):
+    except Exception:  # it has none, or the user's own, which may be anything
         return {}
     return {name: value for name, value in parameters.items() if name in known}
 
