@@ -12,6 +12,7 @@ The named elements of a model that can be selected: keyframes, actuators, sensor
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
@@ -160,16 +161,18 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
     step = step_of(model, point)
     whole, half = (differences(model, point, eps) for eps in (step, step / 2))
     kept, rows, columns = ports.states, ports.entries, ports.actuators
-    pairs = [
-        (getattr(whole, letter)[np.ix_(*at)], getattr(half, letter)[np.ix_(*at)])
-        for letter, at in (("A", (kept, kept)), ("B", (kept, columns)), ("C", (rows, kept)))
-    ]
-    A, B, C = (_error(*pair) for pair in pairs)
+
+    def matrices(found: Differences) -> tuple[Array, Array, Array]:
+        """A, B and C at unit gains of the ports, which change nothing relative."""
+        return found.A[np.ix_(kept, kept)], found.B[np.ix_(kept, columns)], found.C[np.ix_(rows, kept)]
+
+    A, B, C = (_error(*pair) for pair in zip(matrices(whole), matrices(half), strict=True))
+    names = plant.states, plant.inputs, plant.outputs
+    slow, quick = (LinearPlant(*matrices(found), *names) for found in (whole, _at_half_step(model, point, step)))
     feedthrough = [name for name, row in zip(plant.outputs, linearisation.D, strict=True) if np.abs(row).max() > _D]
-    names = state_names(model)
     return Quality(
         residual=_residual(model, whole),
-        moving=tuple(names[i] for i in np.flatnonzero(np.abs(point.qvel) > 1e-9)),
+        moving=tuple(state_names(model)[i] for i in np.flatnonzero(np.abs(point.qvel) > 1e-9)),
         errors=(A, B, C),
         kinks=tuple(_kinks(model, linearisation, whole, half)),
         friction=tuple(_rubbing(model, linearisation)),
@@ -182,7 +185,14 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
         idle=quality.idle(plant),
         excesses=excesses(model, point, kept, rows, columns),
         dead=quality.dead(plant, _NO_SLOPE),
+        step_effect=quality.compare_steps(slow, quick, float(model.opt.timestep)),
     )
+
+
+def _at_half_step(model: mujoco.MjModel, point: OperatingPoint, eps: float) -> Differences:
+    halved = copy(model)
+    halved.opt.timestep /= 2
+    return differences(halved, point, eps)
 
 
 def _error(whole: Array, half: Array) -> float:

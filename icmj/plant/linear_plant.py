@@ -212,6 +212,10 @@ class LinearPlant:
         eigenvalues = np.linalg.eigvals(self.A).astype(complex)
         return eigenvalues[falling(eigenvalues.real, -eigenvalues.imag)]
 
+    def response(self, s: complex) -> NDArray[np.complex128]:
+        """C (s I − A)⁻¹ B, shape (n_y, n_u), at an s [1/s] that is no eigenvalue of A."""
+        return np.asarray(self.C @ np.linalg.solve(s * np.eye(self.n) - self.A, self.B.astype(complex)))
+
     def effect(self, push: Push) -> Array:
         """The contribution of a push of size 1 to ẋ, shape (n,).
 

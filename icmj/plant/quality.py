@@ -20,14 +20,15 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, leading
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
 
 Kind = Literal[
     "not at rest", "kink", "dry friction", "feedthrough", "coarse derivatives", "uncontrollable", "unobservable",
     "sensor bias", "outputs", "operating point", "dropped state", "keyframe", "person", "saturation", "joint limit",
-    "not linear", "large step", "not smooth", "lift-off", "paper", "slow noise", "set-point", "sampling delay",
+    "not linear", "large step", "time step", "not smooth", "lift-off", "paper", "slow noise", "set-point",
+    "sampling delay",
 ]  # fmt: skip
 KINDS: tuple[str, ...] = get_args(Kind)
 
@@ -162,6 +163,8 @@ ROOMY = 0.01
 """Least distance of a joint from the ends of its range, as a share of it, where there is a choice."""
 COARSE = 1e-4
 """Largest relative error of A, B or C that goes without a word."""
+STEADY = 1e-3
+"""Largest relative change of a response by halving the time step that goes without a word."""
 
 
 @dataclass(frozen=True)
@@ -229,6 +232,46 @@ def dead(plant: LinearPlant, least: float = 0.0) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
+class StepEffect:
+    """The dependence of a plant on the time step with which the engine computes its forces.
+
+    Attributes:
+        share: the largest change of a response by halving the step, relative to the response.
+        input, output: those of this response.
+        omega: its angular frequency [rad/s].
+        step: the time step of the model [s].
+    """
+
+    share: float
+    input: str
+    output: str
+    omega: float
+    step: float
+
+
+def compare_steps(plant: LinearPlant, halved: LinearPlant, step: float) -> StepEffect | None:
+    """How much the response of each output to each input changes with the step, at the poles' frequencies.
+
+    Responses below a millionth of the largest of an output are left out. ``None`` where nothing changes by more than
+    ``STEADY``.
+    """
+    sizes = np.abs(halved.poles)
+    sizes = sizes[sizes > _NEUTRAL * max(1.0, float(sizes.max(initial=0.0)))]
+    largest = None
+    # beside the poles, where the response of an undamped plant is finite
+    for omega in np.unique(np.round(np.sqrt(2) * sizes, 6)) if len(sizes) else (1.0,):
+        here, there = (one.response(1j * omega) for one in (halved, plant))
+        size = np.abs(here)
+        size[size <= 1e-6 * size.max(axis=1, keepdims=True)] = np.inf
+        share = np.abs(there - here) / size
+        row, column = np.unravel_index(leading(share.ravel()), share.shape)
+        if share[row, column] > max(STEADY, largest.share if largest else 0.0):
+            names = plant.inputs[column], plant.outputs[row]
+            largest = StepEffect(float(share[row, column]), *names, float(omega), step)
+    return largest
+
+
+@dataclass(frozen=True)
 class Quality:
     """The quality of an operating point.
 
@@ -245,6 +288,7 @@ class Quality:
         idle: states on which nothing depends.
         excesses: limits beyond which the point lies.
         dead: inputs that move nothing.
+        step_effect: the dependence of the plant on the model's time step, where it is noticeable.
     """
 
     residual: Residual
@@ -261,6 +305,7 @@ class Quality:
     idle: tuple[str, ...] = ()
     excesses: tuple[Excess, ...] = ()
     dead: tuple[str, ...] = ()
+    step_effect: StepEffect | None = None
 
     @property
     def at_rest(self) -> bool:
@@ -327,6 +372,14 @@ class Quality:
         for mode in self.unobservable:
             if not mode.stable:
                 yield Notice("unobservable", "warning", _unseen(mode))
+        if (effect := self.step_effect) is not None:
+            words = (
+                f"forces of the model depend on its time step of {effect.step:g} s: half of it changes the response of "
+                f"{effect.output} to {effect.input} by {effect.share:.2g} at {effect.omega:.3g} rad/s, and so the "
+                "prediction (actearly of a motor with inductance, or a constraint faster than two steps); give the "
+                "model a smaller timestep"
+            )
+            yield Notice("time step", "warning", words)
 
     def _unmoved(self, mode: Mode) -> str:
         words = f"no input moves {_list(mode.states)}, and it does not come to rest by itself ({_pole(mode)})"
