@@ -28,6 +28,7 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Hashable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import AbstractContextManager, chdir, contextmanager, suppress
 from dataclasses import dataclass
@@ -88,6 +89,10 @@ class Shared:
                 self._inside -= 1
                 if self._inside == 0:
                     self._block.__exit__(None, None, None)
+
+
+# Python has one list of what to say for the whole process, which blocks of different threads would leave to each other
+ignore_warnings = Shared(lambda: warnings.catch_warnings(action="ignore"))
 
 
 @Shared

@@ -18,7 +18,6 @@ left out.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from icmj.base.array import SEMIDEFINITE, Array, balanced_modes, real
-from icmj.base.process import limit_to_one_thread
+from icmj.base.process import ignore_warnings, limit_to_one_thread
 from icmj.base.text import one_line
 from icmj.errors import AnalysisError, DesignError
 from icmj.plant.linear_plant import LinearPlant, expect_linear
@@ -100,8 +99,7 @@ def design_lq(
     )
     try:
         # what overflows on the way shows in the poles, and needs no warning
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with np.errstate(all="ignore"), ignore_warnings():
             k, E_c = _regulator(plant.A, plant.B, C_w, R_c)
             L_transposed, E_o = _regulator(plant.A.T, plant.C.T, B_w, R_o)
             L = L_transposed.T

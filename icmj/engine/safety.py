@@ -40,7 +40,6 @@ import stat
 import subprocess
 import sys
 import threading
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from functools import cache
@@ -53,7 +52,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.files import read_bytes
-from icmj.base.process import INTERPRETED, Shared, run_bounded
+from icmj.base.process import INTERPRETED, Shared, ignore_warnings, run_bounded
 from icmj.base.text import one_line
 from icmj.errors import ModelError, SimulationError
 from icmj.plant.linear_plant import LinearPlant
@@ -93,7 +92,6 @@ def _take_callbacks() -> dict[str, tuple[Any, int]]:
 _CALLBACKS = [name[4:] for name in dir(mujoco) if name.startswith(("get_mjcb_", "get_mju_user_warning"))]
 _shared = _alone if INTERPRETED else Shared(_alone)
 _turn = threading.RLock() if INTERPRETED else nullcontext()
-_unwarned = Shared(lambda: warnings.catch_warnings(action="ignore"))
 
 
 @contextmanager
@@ -316,7 +314,7 @@ def sound(path: Path) -> Iterator[None]:
     """
     examine(path)
     try:
-        with isolate_engine(), _unwarned():  # by the compiler, of models that it takes all the same
+        with isolate_engine(), ignore_warnings():  # by the compiler, of models that it takes all the same
             yield
     except mujoco.FatalError as error:
         raise ModelError(f"{path}: {words(error)}") from error

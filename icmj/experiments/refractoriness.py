@@ -12,7 +12,6 @@ criterion decides, and it leaves a kind of fewer numbers only for one that is be
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import lgamma
@@ -22,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, between
 from icmj.base.numbers import Card, WithCard, amount
+from icmj.base.process import ignore_warnings
 from icmj.errors import DataError
 
 LEVEL = 0.05  # of the analysis of variance and of what follows it
@@ -149,8 +149,7 @@ def refractoriness(
     found = _estimates(values, shortest, *_moments([part[None] for part in of]))
     drawn = _resample(values, shortest, of, np.random.default_rng(seed), resamples)
     tail = (1 - CONFIDENCE) / 2
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # where no line is, it has no slope
+    with ignore_warnings():  # where no line is, it has no slope
         low, high = np.nanquantile(drawn, [tail, 1 - tail], axis=0)
     free, slope, fixed, largest, span = (Estimate(*map(float, of)) for of in zip(found[0], low, high, strict=True))
     return Refractoriness(

@@ -19,7 +19,6 @@ import subprocess
 import sys
 import tempfile
 import time as clock
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +27,7 @@ from urllib.parse import quote
 
 from icmj.base.array import between
 from icmj.base.files import is_file_name, replaceable, write_bytes
-from icmj.base.process import interrupt_once, run_bounded, terminable
+from icmj.base.process import ignore_warnings, interrupt_once, run_bounded, terminable
 from icmj.base.text import did_you_mean, one_line
 from icmj.case.case import PlantKind
 from icmj.case.result import Result
@@ -236,8 +235,7 @@ def _whole_rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
     try:
         if damage:
             raise ValueError(damage)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a file without an end, which is an error here anyway
+        with ignore_warnings():  # of a file without an end, which is an error here anyway
             stream = RrdReader(path).store().stream().filter(content=content, is_static=True)
         return [
             (

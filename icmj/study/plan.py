@@ -6,7 +6,6 @@ The points of a sweep: a pure function of their index, so that a million of them
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.process import ignore_warnings
 from icmj.case.plants import digests, references
 from icmj.errors import RunFileError, SweepError
 from icmj.runfile.schema import RunFile
@@ -134,8 +134,7 @@ def _sobol(fields: int, seed: int, start: int, stop: int) -> Array:
     from scipy.stats.qmc import Sobol
 
     sequence = Sobol(fields, scramble=True, rng=np.random.default_rng(seed))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of a number that is no power of two, which is for the reader to choose
+    with ignore_warnings():  # of a number that is no power of two, which is for the reader to choose
         if start:
             sequence.fast_forward(start)
         return np.asarray(sequence.random(stop - start))

@@ -17,7 +17,6 @@ import os
 import signal
 import sys
 import time
-import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -31,7 +30,7 @@ from traceback import extract_tb
 from typing import Any, Protocol
 
 from icmj.base import process
-from icmj.base.process import collect_garbage_seldom, one_thread
+from icmj.base.process import collect_garbage_seldom, ignore_warnings, one_thread
 from icmj.base.text import one_line
 from icmj.errors import IcmjError, StudyError, SweepError, beyond_arithmetic, beyond_memory
 
@@ -113,8 +112,7 @@ def processors() -> int:
     """The number of processors that this process may use: a container or a cluster may allot it but a few."""
     from loky import cpu_count
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # on a system that allots none, loky would ask for psutil
+    with ignore_warnings():  # on a system that allots none, loky would ask for psutil
         return int(cpu_count())
 
 

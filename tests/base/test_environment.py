@@ -3,7 +3,9 @@
 import os
 import subprocess
 import sys
-from threading import Barrier, Thread
+import warnings
+from pathlib import Path
+from threading import Barrier, Event, Thread
 
 import numpy.linalg  # noqa: F401
 import pytest
@@ -11,7 +13,8 @@ import scipy.linalg  # noqa: F401
 from patience import PATIENCE
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from icmj.base.process import limit_to_one_thread, one_thread
+import icmj
+from icmj.base.process import ignore_warnings, limit_to_one_thread, one_thread
 from icmj.work.workers import processors
 
 
@@ -83,3 +86,36 @@ def test_who_leaves_last_gives_back() -> None:
             thread.join()
         assert found == [{1}]
         assert blas() == before
+
+
+def test_what_python_says_is_as_before_when_the_last_thread_has_left() -> None:
+    """The list of filters is the process's: the second to enter would keep what the first had set."""
+    entered, both, left, found = Event(), Barrier(2), Barrier(2), []
+
+    def first() -> None:
+        with ignore_warnings():
+            entered.set()
+            both.wait(PATIENCE)
+        left.wait(PATIENCE)
+
+    def second() -> None:
+        entered.wait(PATIENCE)
+        with ignore_warnings():
+            both.wait(PATIENCE)
+            left.wait(PATIENCE)
+            found.append(warnings.filters[0][0])
+
+    before = list(warnings.filters)
+    threads = [Thread(target=work) for work in (first, second)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == ["ignore"]
+    assert warnings.filters == before
+
+
+def test_nobody_else_changes_what_python_says() -> None:
+    sources = Path(icmj.__file__).parent.rglob("*.py")
+    found = {path.name for path in sources if "catch_warnings" in path.read_text(encoding="utf-8")}
+    assert found == {"process.py", "main.py"}  # the command line asks once, in its only thread
