@@ -29,11 +29,9 @@ from icmj.base.process import (
     load_matplotlib_apart,
     narrow,
     one_thread,
-    skip_typeguard,
     sparing,
     terminable,
 )
-from icmj.base.process import defer_idle_modules as unhurried
 from icmj.base.text import did_you_mean, one_line, spell
 from icmj.errors import IcmjError, beyond_arithmetic, beyond_memory
 
@@ -54,7 +52,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # for which all that is installed would be searched
     one_thread()
     sparing()
-    unhurried()
     collect_garbage_seldom()
     asked = EndRequest()
     try:
@@ -218,7 +215,7 @@ def parse(words: list[str]) -> Command:
     command: Any = Command
     shown = io.StringIO()
     try:
-        with contextlib.redirect_stderr(shown), skip_typeguard():
+        with contextlib.redirect_stderr(shown):
             return tyro.cli(command, prog="icmj", args=words, config=(tyro.conf.FlagCreatePairsOff,))
     except SystemExit as stop:
         if stop.code == 1 and not shown.getvalue():  # what rich makes of a reader that went away
