@@ -543,8 +543,6 @@ class Bench:
 def _serve(theirs: Any, said: str, use: Callable[[Job], tuple[str, str]]) -> None:
     import traceback
 
-    # it ends with its parent, but commands start workers of their own in it, which daemons may not
-    multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
     sys.path.insert(0, str(ROOT / "tests"))
     file = os.open(said, os.O_RDWR | os.O_TRUNC | os.O_APPEND)
     os.dup2(file, 2)

@@ -451,25 +451,3 @@ def load_matplotlib_apart() -> None:
             os.environ[name] = os.path.abspath(os.environ[name])
     with chdir(os.path.dirname(os.path.abspath(__file__))), suppress(ImportError):
         import_module("matplotlib")
-
-
-_starting = threading.RLock()
-
-
-@contextmanager
-def start_with_safe_path() -> Iterator[None]:
-    """Within the block a Python that is started, by whatever means, imports nothing from the working folder.
-
-    With ``-c`` and ``-m``, by which libraries start workers and their helpers, it would look there first. What is in
-    ``PYTHONPATH`` it still finds.
-    """
-    with _starting:
-        before = os.environ.get("PYTHONSAFEPATH")
-        os.environ["PYTHONSAFEPATH"] = "1"
-        try:
-            yield
-        finally:
-            if before is None:
-                del os.environ["PYTHONSAFEPATH"]
-            else:
-                os.environ["PYTHONSAFEPATH"] = before

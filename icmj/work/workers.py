@@ -1,9 +1,11 @@
 """Processes that work for this one, and end when it ends, however it ends.
 
-loky starts them afresh on every system (MuJoCo's callbacks and numba's threads do not survive a fork). They do not run
+They are started afresh on every system (MuJoCo's callbacks and numba's threads do not survive a fork). They do not run
 the user's script again, so that it needs no guard, and functions that it defines itself reach them all the same. They
 know nothing of Ctrl-C, which is for this process to handle, and neither write to the terminal nor hold it open. They
-import nothing from the working folder that this process does not. One that dies takes only its own task with it.
+import nothing from the working folder that this process does not. One that dies takes only its own task with it. Tasks
+go to their standard input, and messages come from their standard output, each pickled twice: what is in it may fail to
+be read.
 
 Those who compute ranges of a plan, each by itself: processes on this machine, or a Dask cluster.
 
@@ -21,13 +23,12 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
-from multiprocessing import Pipe, current_process, get_context, resource_tracker
-from multiprocessing.connection import Connection, wait
-from pickle import loads
+from pickle import UnpicklingError, dumps, load, loads
 from queue import SimpleQueue
+from subprocess import DEVNULL, PIPE, Popen, TimeoutExpired
 from threading import Thread
 from traceback import extract_tb
-from typing import Any, Protocol
+from typing import IO, Any, Protocol
 
 from icmj.base import process
 from icmj.base.process import collect_garbage_seldom, ignore_warnings, one_thread
@@ -37,6 +38,7 @@ from icmj.errors import IcmjError, StudyError, SweepError, beyond_arithmetic, be
 Tell = Callable[[float], None]
 _OFTEN = 0.3  # s between two messages on progress
 _PATIENCE = 5.0  # s for a process to be gone
+_PROGRAM, _READY = "from icmj.work.workers import serve; serve()", b"icmj is ready\n"
 _POLITE = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
@@ -73,39 +75,54 @@ class Message:
 
 
 class _Worker:
-    """One process, and the task that it has in hand."""
+    """One process, the task that it has in hand, and a thread that puts its messages into ``inbox``."""
 
-    @process.start_with_safe_path()
-    def __init__(self) -> None:
-        from loky.backend import resource_tracker as lokys
-
-        # multiprocessing and loky each start a helper with the first process, which would let signals through again
-        resource_tracker.ensure_running()
-        lokys.ensure_running()
-        self.ours, theirs = Pipe()
-        paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
-        environment = {**one_thread({**os.environ}), "PYTHONPATH": paths}
-        if current_process().daemon:
-            raise StudyError("a daemonic process, such as one of a multiprocessing pool, may start none; take jobs = 1")
-        process: Any = get_context("loky").Process  # type: ignore[attr-defined]
-        self.process = process(target=serve, args=(theirs,), daemon=True, env=environment)
-        with theirs, _hold_signals():
-            self.process.start()
+    def __init__(self, inbox: SimpleQueue[tuple[_Worker, bytes | None]]) -> None:
         self.index: int | None = None
         self.name = ""
+        paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+        environment = {**one_thread({**os.environ}), "PYTHONPATH": paths, "PYTHONSAFEPATH": "1"}
+        with _hold_signals():
+            self.process = Popen(
+                [sys.executable, "-c", _PROGRAM], stdin=PIPE, stdout=PIPE, stderr=DEVNULL, env=environment
+            )
+            assert self.process.stdin is not None
+            assert self.process.stdout is not None
+            self._requests = self.process.stdin
+            Thread(target=self._listen, args=(self.process.stdout, inbox), daemon=True).start()
+
+    def _listen(self, stream: IO[bytes], inbox: SimpleQueue[tuple[_Worker, bytes | None]]) -> None:
+        with suppress(EOFError, OSError, UnpicklingError), stream:
+            while (line := stream.readline()) and not line.endswith(_READY):
+                continue  # what Python prints at its start
+            while True:
+                inbox.put((self, load(stream)))
+        inbox.put((self, None))
 
     def send(self, index: int, task: Task) -> None:
-        from loky.backend.reduction import dumps
+        from cloudpickle import dumps
 
         self.index, self.name = index, task.name
         with suppress(OSError):  # it is dead, which shows when its message is awaited
-            self.ours.send_bytes(dumps((task.function, task.arguments)))
+            _write(dumps((task.function, task.arguments)), self._requests)
 
     def end(self) -> None:
         process.end_compiling(self, altogether=True)
-        self.ours.close()  # at which it ends by itself, should it ignore the signal
+        with suppress(OSError):
+            self._requests.close()  # at which it ends by itself, should it ignore the signal
         self.process.terminate()
-        self.process.join(_PATIENCE)
+        self.wait()
+
+    def wait(self) -> int | None:
+        """Exit status, negative for a signal; ``None`` if it is not gone in time."""
+        with suppress(TimeoutExpired):
+            self.process.wait(_PATIENCE)
+        return self.process.returncode
+
+
+def _write(message: bytes, stream: IO[bytes]) -> None:
+    stream.write(dumps(message))
+    stream.flush()
 
 
 def processors() -> int:
@@ -134,6 +151,7 @@ class Workers:
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
         self._workers: list[_Worker] = []
+        self._inbox = SimpleQueue[tuple[_Worker, bytes | None]]()
 
     def __enter__(self) -> Workers:
         return self
@@ -158,36 +176,35 @@ class Workers:
             while following is not None and (worker := self._find_idle()) is not None:
                 worker.send(*following)
                 following = next(source, None)
-            busy = {worker.ours: worker for worker in self._workers if worker.index is not None}
-            for ready in wait([*busy]):
-                if (message := self._receive(busy[ready], survive)) is not None:  # type: ignore[index]
-                    yield message
+            worker, content = self._inbox.get()
+            if worker in self._workers and (message := self._receive(worker, content, survive)) is not None:
+                yield message
 
     def _find_idle(self) -> _Worker | None:
         """One that has nothing to do, started if there may be one more."""
         if all(worker.index is not None for worker in self._workers) and len(self._workers) < self._jobs:
-            self._workers.append(_Worker())
+            self._workers.append(_Worker(self._inbox))
         return next((worker for worker in self._workers if worker.index is None), None)
 
-    def _receive(self, worker: _Worker, survive: bool) -> Message | None:
-        """The message about its task; ``None`` if it only reports whether it compiles."""
+    def _receive(self, worker: _Worker, content: bytes | None, survive: bool) -> Message | None:
+        """The message about its task; ``None`` if it has none, or only reports whether it compiles."""
         index = worker.index
-        assert index is not None
-        try:
-            kind, value = worker.ours.recv()
-        except (EOFError, OSError):
-            worker.process.join(_PATIENCE)
-            code = worker.process.exitcode
+        if content is None:
+            code = worker.wait()
             self._workers.remove(worker)
             worker.end()
             why = f"signal {-code}" if code is not None and code < 0 else f"exit status {code}"
+            if index is None:
+                return None
             if survive:
                 return Message(index, 1.0, died=why)
             raise StudyError(
                 f"{worker.name}: its process died ({why}); out of memory, or MuJoCo ended it; what was finished is kept"
-            ) from None
+            )
+        kind, value = loads(content)
         if kind == "compiling":
             process.begin_compiling(worker) if value else process.end_compiling(worker, altogether=True)
+        if index is None or kind == "compiling":
             return None
         if kind == "progress":
             return Message(index, value)
@@ -197,35 +214,37 @@ class Workers:
         return Message(index, 1.0, value)
 
 
-def serve(theirs: Connection) -> None:
+def serve() -> None:
     """Do one task after the other, until the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _POLITE)
+    requests, replies = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     nothing = os.open(os.devnull, os.O_RDWR)
     for stream in range(3):
         os.dup2(nothing, stream)
     collect_garbage_seldom()
     process.load_matplotlib_apart()
-    process.listen_to_compiling(lambda begun: theirs.send(("compiling", begun)))
+    process.listen_to_compiling(lambda begun: _write(dumps(("compiling", begun)), replies))
     tasks = SimpleQueue[bytes]()
-    Thread(target=_listen, args=(theirs, tasks), daemon=True).start()
+    Thread(target=_listen, args=(requests, tasks), daemon=True).start()
     with suppress(OSError):
+        replies.write(_READY)
         while True:
-            theirs.send_bytes(_perform(tasks.get(), _make_teller(theirs)))
+            _write(_perform(tasks.get(), _make_teller(replies)), replies)
 
 
-def _listen(theirs: Connection, tasks: SimpleQueue[bytes]) -> None:
+def _listen(requests: IO[bytes], tasks: SimpleQueue[bytes]) -> None:
     """Receive tasks in a thread of its own, so that the end of the parent is noticed while a task is under way."""
-    with suppress(EOFError, OSError):
+    with suppress(EOFError, OSError, UnpicklingError):
         while True:
-            tasks.put(theirs.recv_bytes())
+            tasks.put(load(requests))
     os._exit(1)
 
 
 def _perform(task: bytes, tell: Tell) -> bytes:
     """Do a task; its value or its error, pickled: pickling may fail as well."""
-    from loky.backend.reduction import dumps
+    from cloudpickle import dumps
 
     found: Exception
     name = "the task"
@@ -246,14 +265,14 @@ def _perform(task: bytes, tell: Tell) -> bytes:
     return bytes(dumps(("error", found)))
 
 
-def _make_teller(theirs: Connection) -> Tell:
+def _make_teller(replies: IO[bytes]) -> Tell:
     last = time.monotonic()
 
     def tell(done: float) -> None:
         nonlocal last
         if time.monotonic() - last > _OFTEN:
             last = time.monotonic()
-            theirs.send(("progress", done))
+            _write(dumps(("progress", done)), replies)
 
     return tell
 

@@ -99,8 +99,8 @@ def test_a_run_interrupted_while_it_compiles_ends_at_once(tmp_path: Path, monkey
 
 
 def workers_of(session: int) -> list[int]:
-    """Ids of the processes in which loky lets a task be done; beside them it starts helpers of its own."""
-    return [process.pid for process in members(session) if "loky.backend.popen" in " ".join(process.cmdline())]
+    """Ids of the processes in which tasks are done."""
+    return [process.pid for process in members(session) if "icmj.work.workers" in " ".join(process.cmdline())]
 
 
 def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:

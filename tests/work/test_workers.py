@@ -161,12 +161,44 @@ def test_as_many_as_this_process_may_use(monkeypatch: pytest.MonkeyPatch) -> Non
         assert 1 <= processors() <= (os.cpu_count() or 1)
 
 
-def test_a_daemonic_process_is_told_that_it_may_start_none(monkeypatch):
-    from multiprocessing import current_process
+def test_a_daemonic_process_may_start_them(tmp_path: Path) -> None:
+    """Such as one of a pool of multiprocessing: it was refused."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from multiprocessing import current_process, get_context\n"
+        "from icmj.work.workers import Task, Workers\n"
+        "def ask(x):\n"
+        "    with Workers(1) as workers:\n"
+        "        found = [news.value for news in workers.run([Task('seven', '7'.format, ())])]\n"
+        "        return current_process().daemon, found\n"
+        "if __name__ == '__main__':\n"
+        "    with get_context('spawn').Pool(1) as pool:\n"
+        "        print(pool.map(ask, [0]))\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=PATIENCE, cwd=tmp_path)
+    assert done.stdout == "[(True, ['7'])]\n", done.stderr
 
-    monkeypatch.setitem(current_process()._config, "daemon", True)
-    with pytest.raises(StudyError, match="daemonic process"), Workers(1) as workers:
-        list(workers.run([Task("one", int, ())]))
+
+def test_what_python_prints_at_its_start_is_no_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "sitecustomize.py").write_text("print('hello')\nprint('without an end', end='')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert run(python("print('more'); import os; os.write(1, b'and more')")) == ["done"]
+
+
+def test_one_that_dies_before_it_is_ready_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "sitecustomize.py").write_text("import os; os._exit(7)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(StudyError, match=r"its process died \(exit status 7\)"):
+        run(python("pass"))
+
+
+def test_messages_may_be_large() -> None:
+    size = 3 * 2**20
+
+    def count(data: bytes, progress: object) -> bytes:
+        return data + b"x"
+
+    assert [len(value) for value in run(*[Task("count", count, (bytes(size),))] * 3)] == [size + 1] * 3
 
 
 def test_nothing_in_the_working_folder_is_imported_by_them_or_their_helpers(tmp_path: Path) -> None:
