@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from typing import get_args
 
 from docutils import nodes
 from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
+
+from icmj.cli.arguments import COMMANDS
 
 
 class Commands(SphinxDirective):
@@ -18,19 +19,12 @@ class Commands(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         lines: list[str] = []
-        for name in _names():
+        for name in COMMANDS:
             lines += [f"## icmj {name}", "", "```text", *_help(name), "```", ""]
         holder = nodes.section()
         holder.document = self.state.document
         self.state.nested_parse(StringList(lines, "commands"), self.content_offset, holder, match_titles=True)
         return holder.children
-
-
-def _names() -> list[str]:
-    """The commands in the order of the program's own help."""
-    from icmj.cli import arguments
-
-    return [next(m.name for m in each.__metadata__ if getattr(m, "name", None)) for each in get_args(arguments.Command)]
 
 
 def _help(name: str) -> list[str]:

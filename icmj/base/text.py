@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import json
 import re
+import textwrap
 from collections.abc import Iterable
 from difflib import get_close_matches
 from typing import Any
@@ -80,3 +83,17 @@ def did_you_mean(given: str, known: Iterable[str]) -> str:
 
 def _bare(name: str) -> str:
     return name.lower().replace("_", "").replace("-", "")
+
+
+def attribute_docstrings(cls: type) -> dict[str, str]:
+    """The docstrings under the attributes that a class declares itself, each in one line, by attribute."""
+    (body,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+    assert isinstance(body, ast.ClassDef)
+    return {
+        attribute.target.id: " ".join(str(said.value.value).split())
+        for attribute, said in zip(body.body, body.body[1:], strict=False)
+        if isinstance(attribute, ast.AnnAssign)
+        and isinstance(attribute.target, ast.Name)
+        and isinstance(said, ast.Expr)
+        and isinstance(said.value, ast.Constant)
+    }

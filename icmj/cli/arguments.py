@@ -1,6 +1,6 @@
-"""The arguments of each command, and its help.
+"""The arguments of each command, whose docstrings are its help: the command line is made of these classes.
 
-What several commands take: mix-ins of their arguments, and how all options are shown in the help.
+What several commands take: mix-ins of their arguments, and what all take.
 
 The arguments of the commands that one begins with: models, run files and their schema.
 
@@ -12,12 +12,8 @@ The arguments of the command that fits families of controllers to recordings.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from inspect import get_annotations
 from pathlib import Path
-from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
-
-import tyro
+from typing import Annotated, Literal, get_args, get_type_hints
 
 from icmj.base.files import is_file_name
 from icmj.errors import IcmjError
@@ -27,18 +23,28 @@ RESULTS = Path("runs/out")
 
 
 @dataclass(frozen=True)
-class Target:
-    """What an option names that is written: a note in its type, from which help and :func:`refuse_other_kind` say it.
+class Given:
+    """How an argument is given on the command line, where its type does not say so: a note of ``Annotated``.
 
     Attributes:
-        suffixes: that a file may end in, the usual one first; empty for a folder.
+        positional: whether it has no option.
+        repeated: whether the option stands once for each value, instead of once before all of them.
+        metavar: placeholder of a value in the help.
+        name: of the option, where it is not that of the field.
+        short: a second name of the option.
+        writes: what the path of something that is written may end in: of a file the usual ending first, of a folder
+            none; ``None`` where nothing is written.
     """
 
-    suffixes: tuple[str, ...] = ()
+    positional: bool = False
+    repeated: bool = False
+    metavar: str = ""
+    name: str = ""
+    short: str = ""
+    writes: tuple[str, ...] | None = None
 
 
-Folder = Annotated[Path, Target()]
-Page = Annotated[Path, Target((".html",))]
+POSITIONAL, FOLDER, PAGE = Given(positional=True), Given(writes=()), Given(writes=(".html",))
 
 
 def refuse_other_kind(command: object) -> None:
@@ -48,84 +54,39 @@ def refuse_other_kind(command: object) -> None:
         IcmjError: one line that says what to give instead.
     """
     for name, hint in get_type_hints(type(command), include_extras=True).items():
-        path, target = getattr(command, name), _target(hint)
-        if target is None or path is None:
+        path, given = (
+            getattr(command, name),
+            next((each for each in get_args(hint) if isinstance(each, Given)), Given()),
+        )
+        if given.writes is None or path is None:
             continue
         option = f"--{name.replace('_', '-')} {path}"
-        if not target.suffixes and is_file_name(path) and not path.is_dir():
+        if not given.writes and is_file_name(path) and not path.is_dir():
             raise IcmjError(f"{option}: looks like a file, and a folder is meant; give one, such as {path.stem}")
-        if target.suffixes and (path.is_dir() or not (path.suffix or path.exists())):
+        if given.writes and (path.is_dir() or not (path.suffix or path.exists())):
             at = path / name if path.is_dir() else path
-            such = " or ".join(f"{at}{suffix}" for suffix in target.suffixes)
+            such = " or ".join(f"{at}{suffix}" for suffix in given.writes)
             raise IcmjError(f"{option}: looks like a folder, and a file is meant; give one, such as {such}")
-
-
-def _target(hint: Any) -> Target | None:
-    """The note on what is written in the type of an option, if there is one."""
-    if get_origin(hint) is Annotated:
-        hint, *notes = get_args(hint)
-        return next((note for note in notes if isinstance(note, Target)), None) or _target(hint)
-    return next(filter(None, map(_target, get_args(hint))), None) if get_origin(hint) in (Union, UnionType) else None
-
-
-@dataclass(frozen=True, kw_only=True)
-class General:
-    """Options of every command."""
-
-    quiet: Annotated[bool, tyro.conf.arg(aliases=("-q",))] = False
-    """Print results and errors only, without progress and notes."""
-    verbose: Annotated[bool, tyro.conf.arg(aliases=("-v",))] = False
-    """Log every step to standard error, with the time."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shared:
-    """A command of the program."""
+    """A command of the program, and the options of every command."""
 
-    general: tyro.conf.OmitArgPrefixes[General] = General()
-    """Options of every command."""
+    quiet: Annotated[bool, Given(short="-q")] = False
+    """Print results and errors only, without progress and notes."""
+    verbose: Annotated[bool, Given(short="-v")] = False
+    """Log every step to standard error, with the time."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Overrides(Shared):
     """Values of the run file changed for once; :func:`icmj.runfile.schema.overridden` puts them in."""
 
-    set: Annotated[tyro.conf.UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="KEY=VALUE")] = ()
+    set: Annotated[tuple[str, ...], Given(repeated=True, metavar="KEY=VALUE")] = ()
     """Replace a value of the run file for this run, as in --set actual.gain=0.85. May be repeated."""
     allow_code: bool = False
     """Run Python code that the run file names as module:name. Read the code first."""
-
-
-def annotate(cls: type) -> None:
-    """Set how the help shows the options that ``cls`` adds: without the defaults None, empty and false."""
-    hints = get_type_hints(cls, include_extras=True)
-    for name in get_annotations(cls).keys() - {"general"}:
-        shown = tyro.conf.arg(metavar=_metavar(hints[name]), help_behavior_hint=_default)
-        cls.__annotations__[name] = Annotated[hints[name], shown]
-
-
-def _default(label: str) -> str:
-    return "" if label in ("", "None", "False") else f"(default: {label})"
-
-
-def _metavar(hint: Any) -> str | None:
-    """Placeholder for the value of an optional option; ``None`` if tyro's own placeholder is right."""
-    if (target := _target(hint)) is not None:
-        return "FILE" if target.suffixes else "FOLDER"
-    while get_origin(hint) is Annotated:
-        if given := [note.metavar for note in get_args(hint)[1:] if getattr(note, "metavar", None)]:
-            return str(given[0])
-        hint = get_args(hint)[0]
-    if get_origin(hint) is tuple and get_args(hint)[1:] == (...,):
-        return f"[{get_args(hint)[0].__name__.upper().replace('STR', 'NAME')} ...]"
-    kinds = [kind for kind in get_args(hint) if kind is not NoneType]
-    if get_origin(hint) not in (Union, UnionType) or len(kinds) != 1:
-        return None
-    if get_origin(kinds[0]) is tuple:
-        return " ".join(kind.__name__.upper() for kind in get_args(kinds[0]))
-    if get_origin(kinds[0]) is Literal:
-        return f"{{{','.join(map(str, get_args(kinds[0])))}}}"
-    return str(getattr(kinds[0], "__name__", "VALUE")).upper()
 
 
 @dataclass(frozen=True)
@@ -148,17 +109,17 @@ class New(Shared):
     Example: icmj new body.xml --out body.toml
     """
 
-    what: tyro.conf.Positional[Path]
+    what: Annotated[Path, POSITIONAL]
     """Kind of file: run, sweep, experiment, family or recordings. Or an MJCF file, for which a run file is written; or
     the name of a shipped model, case, sweep, experiment or family."""
-    of: tyro.conf.Positional[tuple[Path, ...]] = ()
+    of: Annotated[tuple[Path, ...], POSITIONAL] = ()
     """What the file is for: a model (run), a run file or shipped case (sweep, experiment, family), or recordings
     (default: a shipped model or case)."""
     stimulus: Literal["quiet_standing", "perturbed_stance", "multisine", "double_step", "intersection_point"] = (
         "quiet_standing"
     )
     """Kind of experiment."""
-    out: Annotated[Path, Target((".toml", ".csv"))] | None = None
+    out: Annotated[Path | None, Given(writes=(".toml", ".csv"))] = None
     """File to write (default: the name of the model or kind, in this folder). An existing file is never overwritten."""
     keyframe: str | None = None
     """Keyframe of the operating point of a run (default: the first at which the model is at rest)."""
@@ -171,13 +132,13 @@ class Person(Shared):
     Example: icmj person three_link --height 1.65 --mass 60 --out person.xml
     """
 
-    model: tyro.conf.Positional[Path]
+    model: Annotated[Path, POSITIONAL]
     """MJCF file with the bodies shank, thigh and trunk, or name of a shipped model."""
     height: float = 1.80
     """Height of the person [m]."""
     mass: float = 80.0
     """Mass of the person [kg]."""
-    out: Annotated[Path, Target((".xml",))] = Path("person.xml")
+    out: Annotated[Path, Given(writes=(".xml",))] = Path("person.xml")
     """MJCF file to write."""
 
 
@@ -188,7 +149,7 @@ class Linearise(Shared):
     Example: icmj linearise three_link --keyframe upright
     """
 
-    model: tyro.conf.Positional[Path]
+    model: Annotated[Path, POSITIONAL]
     """MJCF file, or name of a shipped model."""
     keyframe: str | None = None
     """Keyframe of the operating point (default: the reference configuration)."""
@@ -204,7 +165,7 @@ class Linearise(Shared):
     """Print JSON instead of tables."""
     full: bool = False
     """Print the matrices even if they are large."""
-    out: Annotated[Path, Target((".npz",))] | None = None
+    out: Annotated[Path | None, Given(writes=(".npz",))] = None
     """File (.npz) for A, B, C, poles, names and units."""
 
 
@@ -215,9 +176,9 @@ class Schema(Shared):
     Example: icmj schema run --out run.schema.json
     """
 
-    kind: tyro.conf.Positional[Literal["run", "sweep", "experiment", "family"]] = "run"
+    kind: Annotated[Literal["run", "sweep", "experiment", "family"], POSITIONAL] = "run"
     """Kind of file."""
-    out: Annotated[Path, Target((".json",))] | None = None
+    out: Annotated[Path | None, Given(writes=(".json",))] = None
     """File to write instead of printing."""
 
 
@@ -230,13 +191,13 @@ class Export(Shared):
     Example: icmj export runs/out/three-link-0.9.mujoco.rrd --to csv --rate 100
     """
 
-    log: tyro.conf.Positional[Path]
+    log: Annotated[Path, POSITIONAL]
     """Log to read, folder of logs, or name of a case with logs in runs/out."""
     to: Literal["csv", "parquet", "npz"] | None = None
     """Format (default: the one that --out ends in, else csv)."""
     rate: float | None = None
     """Rate of evenly spaced rows [Hz] (default: the rows as recorded, which include every event)."""
-    out: Annotated[Path, Target((".csv", ".parquet", ".npz"))] | None = None
+    out: Annotated[Path | None, Given(writes=(".csv", ".parquet", ".npz"))] = None
     """File to write, for one log (default: beside the log, with its name). The file of events has ".events" added to
     its name.
     """
@@ -253,7 +214,7 @@ class Measure(Shared):
     Example: icmj measure sway.csv --columns ap ml --rate 100
     """
 
-    file: tyro.conf.Positional[Path]
+    file: Annotated[Path, POSITIONAL]
     """Log, folder of logs, name of a case with logs in runs/out, or file of time series."""
     columns: tuple[str, ...] = ()
     """Columns to measure (default: see above)."""
@@ -282,9 +243,9 @@ class Fit(Shared):
     Example: icmj fit anna-1.csv anna-2.csv anna-3.csv --model event --model switching --out runs/out/anna
     """
 
-    recordings: tyro.conf.Positional[tuple[Path, ...]] = ()
+    recordings: Annotated[tuple[Path, ...], POSITIONAL] = ()
     """Recordings of one person (CSV, Parquet, npz, C3D), each of one trial or several."""
-    model: Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FAMILY")] = ()
+    model: Annotated[tuple[Path, ...], Given(repeated=True, metavar="FAMILY")] = ()
     """Family file, or name of a shipped family. May be repeated; the families are then compared, which depends
     on the noise that they assume."""
     table: Path | None = None
@@ -299,9 +260,9 @@ class Fit(Shared):
     """Rate of recordings without times [Hz]."""
     hold_out: int = 0
     """Number of trials of each person, counted from the last, that are predicted instead of fitted."""
-    out: Folder = RESULTS / "fit"
+    out: Annotated[Path, FOLDER] = RESULTS / "fit"
     """Folder for posteriors (netCDF, for ArviZ), tables, figures and page. The same command resumes a fit."""
-    trained: Folder = RESULTS / "families"
+    trained: Annotated[Path, FOLDER] = RESULTS / "families"
     """Folder for simulated and trained families, which are reused for all people."""
     simulations: int = 6000
     """Number of draws from the prior of each family that are simulated to train its network."""
@@ -326,9 +287,9 @@ class Sweep(Shared):
     Example: icmj sweep validity --out runs/out/validity
     """
 
-    sweep: tyro.conf.Positional[Path]
+    sweep: Annotated[Path, POSITIONAL]
     """Sweep file, or name of a shipped sweep."""
-    out: Folder | None = None
+    out: Annotated[Path | None, FOLDER] = None
     """Folder for the results (default: runs/out/NAME). The same command resumes an interrupted sweep."""
     jobs: int | None = None
     """Number of local processes (default: one per core)."""
@@ -349,7 +310,7 @@ class Identify(Overrides):
     Example: icmj identify runs/out/three-link-0.9.mujoco.rrd
     """
 
-    motions: tyro.conf.Positional[tuple[Path, ...]]
+    motions: Annotated[tuple[Path, ...], POSITIONAL]
     """Logs, folders of logs, names of cases with logs in runs/out, or files of event times or outputs."""
     run: Path | None = None
     """Run file that describes plant and controller (default: that of the log). Its value of the unknown is ignored."""
@@ -378,9 +339,9 @@ class Experiment(Shared):
     Example: icmj experiment intersection-point --out runs/out/intersection-point
     """
 
-    experiment: tyro.conf.Positional[Path]
+    experiment: Annotated[Path, POSITIONAL]
     """Experiment file, or name of a shipped experiment."""
-    out: Folder | None = None
+    out: Annotated[Path | None, FOLDER] = None
     """Folder for trials, results and figure (default: runs/out/NAME). The same command resumes an interrupted
     experiment.
     """
@@ -388,7 +349,7 @@ class Experiment(Shared):
     """Number of processes (default: one per core)."""
     yes: bool = False
     """Also start trials that are estimated to take longer than a minute altogether."""
-    recording: Annotated[tyro.conf.UseAppendAction[tuple[Path, ...]], tyro.conf.arg(metavar="FILE")] = ()
+    recording: Annotated[tuple[Path, ...], Given(repeated=True, metavar="FILE")] = ()
     """Recording to analyse (CSV, Parquet, npz) instead of simulating the cases. Repeat the option for further
     trials of the same condition.
     """
@@ -407,11 +368,11 @@ class Study(Overrides):
     Example: icmj study --out runs/out
     """
 
-    runs: tyro.conf.Positional[tuple[Path, ...]] = ()
+    runs: Annotated[tuple[Path, ...], POSITIONAL] = ()
     """Run files, folders of run files, or names of shipped cases (default: the run files in the folder runs; if there
     are none, all shipped cases).
     """
-    out: Folder = RESULTS
+    out: Annotated[Path, FOLDER] = RESULTS
     """Folder for the outputs."""
     jobs: int | None = None
     """Number of processes (default: one per core)."""
@@ -431,7 +392,7 @@ class Analyse(Overrides):
     Example: icmj analyse simple-0.8 --json
     """
 
-    run: tyro.conf.Positional[Path]
+    run: Annotated[Path, POSITIONAL]
     """Run file, or name of a shipped case."""
     json: bool = False
     """Print JSON instead of a table."""
@@ -447,11 +408,11 @@ class Run(Overrides):
     Example: icmj run three-link-0.9 --plant mujoco --set actual.gain=0.85
     """
 
-    run: tyro.conf.Positional[Path]
+    run: Annotated[Path, POSITIONAL]
     """Run file, or name of a shipped case."""
     plant: Literal["linear", "mujoco"] | None = None
     """Plant to simulate (default: mujoco; linear if the run file gives matrices)."""
-    out: Folder = RESULTS
+    out: Annotated[Path, FOLDER] = RESULTS
     """Folder for the log, which is named CASE.PLANT.rrd."""
     study: bool = False
     """Also compute what icmj study computes beside a prediction."""
@@ -468,7 +429,7 @@ class Cycle(Overrides):
     Example: icmj cycle runs/simple-1.7.toml --plant mujoco
     """
 
-    run: tyro.conf.Positional[Path]
+    run: Annotated[Path, POSITIONAL]
     """Run file, or name of a shipped case."""
     plant: Literal["linear", "mujoco"] | None = None
     """Plant on which the orbit is found (default: mujoco; linear if the run file gives matrices)."""
@@ -485,7 +446,7 @@ class Continue(Overrides):
     Example: icmj continue runs/simple-1.7.toml --parameter b --from 1.7 --to 1.2 --branches
     """
 
-    run: tyro.conf.Positional[Path]
+    run: Annotated[Path, POSITIONAL]
     """Run file, or name of a shipped case."""
     parameter: str
     """Parameter to vary: b (input gain), q_t (threshold), delay, delta_min (refractory period), rho (share of the
@@ -493,7 +454,7 @@ class Continue(Overrides):
     """
     to: float
     """Last value of the parameter."""
-    from_: Annotated[float | None, tyro.conf.arg(name="from")] = None
+    from_: Annotated[float | None, Given(name="from")] = None
     """First value of the parameter (default: that of the run file)."""
     plant: Literal["linear", "mujoco"] | None = None
     """Plant whose cycle is followed (default: as for icmj cycle). With mujoco, the linear prediction is drawn, too."""
@@ -503,7 +464,7 @@ class Continue(Overrides):
     """Minimum number of cycles on a branch that spans the whole range."""
     branches: bool = False
     """Also follow the branches that bifurcate from this one."""
-    out: Folder = RESULTS
+    out: Annotated[Path, FOLDER] = RESULTS
     """Folder for the branches (Parquet, logs) and figures (PDF, SVG)."""
 
 
@@ -514,11 +475,11 @@ class Report(Shared):
     Example: icmj report runs/out/simple-0.8.linear.rrd runs/out/simple-0.8.mujoco.rrd --out report.html
     """
 
-    logs: tyro.conf.Positional[tuple[Path, ...]]
+    logs: Annotated[tuple[Path, ...], POSITIONAL]
     """Logs, folders of logs or of sweeps, names of cases with logs in runs/out, or branches of cycles (Parquet). Logs
     of one case on both plants are shown together.
     """
-    out: Page | None = None
+    out: Annotated[Path | None, PAGE] = None
     """HTML page to write; its figures go into a folder beside it (default: report.html, in the folder of logs if one is
     given).
     """
@@ -533,13 +494,13 @@ class Replay(Shared):
     Example: icmj replay runs/out/three-link-0.9.mujoco.rrd --screenshot pose.png --time 20
     """
 
-    log: tyro.conf.Positional[Path]
+    log: Annotated[Path, POSITIONAL]
     """Log to show, folder of logs, or name of a case with logs in runs/out; a picture is of one log, of a case that in
     MuJoCo. A truncated log is shown as far as it can be read.
     """
     web: bool = False
     """Serve the log to a browser on this machine (loopback address only), and print the address."""
-    screenshot: Annotated[Path, Target((".png",))] | None = None
+    screenshot: Annotated[Path | None, Given(writes=(".png",))] = None
     """PNG file to render; no screen is needed."""
     time: float | None = None
     """Time of the screenshot [s]."""
@@ -554,40 +515,19 @@ class Live(Overrides):
     Example: icmj live three-link-0.9 -o live.html
     """
 
-    run: tyro.conf.Positional[Path]
+    run: Annotated[Path, POSITIONAL]
     """Run file, or name of a shipped case."""
-    out: Annotated[Page, tyro.conf.arg(aliases=("-o",))] = Path("live.html")
+    out: Annotated[Path, Given(short="-o", writes=(".html",))] = Path("live.html")
     """HTML page to write."""
 
 
-Command = (
-    Annotated[Cases, tyro.conf.subcommand("cases")]
-    | Annotated[New, tyro.conf.subcommand("new")]
-    | Annotated[Person, tyro.conf.subcommand("person")]
-    | Annotated[Linearise, tyro.conf.subcommand("linearise")]
-    | Annotated[Schema, tyro.conf.subcommand("schema")]
-    | Annotated[Analyse, tyro.conf.subcommand("analyse")]
-    | Annotated[Cycle, tyro.conf.subcommand("cycle")]
-    | Annotated[Continue, tyro.conf.subcommand("continue")]
-    | Annotated[Run, tyro.conf.subcommand("run")]
-    | Annotated[Study, tyro.conf.subcommand("study")]
-    | Annotated[Live, tyro.conf.subcommand("live")]
-    | Annotated[Sweep, tyro.conf.subcommand("sweep")]
-    | Annotated[Experiment, tyro.conf.subcommand("experiment")]
-    | Annotated[Report, tyro.conf.subcommand("report")]
-    | Annotated[Replay, tyro.conf.subcommand("replay")]
-    | Annotated[Export, tyro.conf.subcommand("export")]
-    | Annotated[Measure, tyro.conf.subcommand("measure")]
-    | Annotated[Identify, tyro.conf.subcommand("identify")]
-    | Annotated[Fit, tyro.conf.subcommand("fit")]
-)
-
-GROUPS = {
-    "Begin": ("cases", "new", "person", "linearise", "schema"),
-    "Predict": ("analyse", "cycle", "continue"),
-    "Simulate": ("run", "study", "live", "sweep", "experiment"),
-    "Use the logs": ("report", "replay", "export", "measure", "identify", "fit"),
+GROUPS: dict[str, tuple[type[Shared], ...]] = {
+    "Begin": (Cases, New, Person, Linearise, Schema),
+    "Predict": (Analyse, Cycle, Continue),
+    "Simulate": (Run, Study, Live, Sweep, Experiment),
+    "Use the logs": (Report, Replay, Export, Measure, Identify, Fit),
 }
+COMMANDS: dict[str, type[Shared]] = {cls.__name__.lower(): cls for group in GROUPS.values() for cls in group}
 
 DESCRIPTION = """Event-driven intermittent control of human standing: predict limit cycles from the linear theory,
 simulate them on the linear plant and in MuJoCo, and compare."""

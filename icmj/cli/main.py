@@ -1,6 +1,7 @@
 """The command line: a thin shell over the API, and what becomes of errors and signals there (docs/promises.md).
 
-Words that make no command are told in one line, with what was probably meant.
+The parser of a command is made of the class of its arguments; words that make no command are told in one line, with
+what was probably meant.
 
 Status 0 on success, 2 on bad input with one line on standard error, 70 where icmj itself is wrong, 130 after Ctrl-C,
 143 after SIGTERM.
@@ -8,18 +9,19 @@ Status 0 on success, 2 on bad input with one line on standard error, 70 where ic
 
 from __future__ import annotations
 
+import argparse
 import codecs
 import contextlib
-import io
 import os
-import re
+import shutil
 import signal
 import sys
 import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
-from typing import TYPE_CHECKING, Any, TextIO, get_args, get_type_hints
+from dataclasses import MISSING
+from types import NoneType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TextIO, get_args, get_origin, get_type_hints
 
 from icmj.base.process import (
     LEAST_ROOM,
@@ -32,14 +34,13 @@ from icmj.base.process import (
     sparing,
     terminable,
 )
-from icmj.base.text import did_you_mean, one_line, spell
+from icmj.base.text import attribute_docstrings, did_you_mean, one_line, spell
 from icmj.errors import IcmjError, beyond_arithmetic, beyond_memory
 
 if TYPE_CHECKING:
-    from icmj.cli.arguments import Command
+    from icmj.cli.arguments import Given, Shared
 
 BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
-_NUMBERS = {"INT": "a whole number", "int": "a whole number", "FLOAT": "a number", "float": "a number"}
 
 # Heavy imports happen inside the commands: `icmj --help` must stay quick, and a signal must find us ready.
 
@@ -101,11 +102,14 @@ def _obey(arguments: list[str]) -> int:
         if arguments[:1] in ([], ["--help"], ["-h"]):
             print(overview(), flush=True)
             return 0
+        if arguments[0] == COMPLETION:
+            print(completion(" ".join(arguments[1:])), flush=True)
+            return 0
         try:
             command = parse(arguments)
         except SystemExit as stop:
             sys.stdout.flush()
-            return stop.code if isinstance(stop.code, int) else 0  # help, or completion for a shell
+            return stop.code if isinstance(stop.code, int) else 0  # help
         if (room := narrow()) is not None:
             return _say(
                 f"ulimit -v leaves {room / 1e9:.2g} GB of addresses, and the libraries need {LEAST_ROOM / 1e9:.2g} GB; "
@@ -118,7 +122,7 @@ def _obey(arguments: list[str]) -> int:
         from icmj.cli import commands, terminal
 
         given.refuse_other_kind(command)
-        with terminal.talking(command.general.quiet, command.general.verbose):
+        with terminal.talking(command.quiet, command.verbose):
             commands.execute(command)
         sys.stdout.flush()
     except IcmjError as error:
@@ -197,144 +201,187 @@ def _unheard(stream: TextIO) -> None:
         os.close(nothing)
 
 
-def parse(words: list[str]) -> Command:
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors are those of icmj."""
+
+    def error(self, message: str) -> NoReturn:
+        """One line, with the command and where its help is."""
+        raise IcmjError(f"{self.prog.removeprefix('icmj ')}: {message}; see {self.prog} --help")
+
+
+def parse(words: list[str]) -> Shared:
     """The command that the words of a command line ask for.
 
     Raises:
         IcmjError: one line that says what is wrong with them.
         SystemExit: with status 0, where help was asked for and shown.
     """
-    import tyro
+    from icmj.cli.arguments import COMMANDS
 
-    from icmj.cli.arguments import Command
+    name, *rest = words
+    if name.startswith("-"):
+        raise IcmjError(f"icmj has no option {_near(name, ['--help', '--version', COMPLETION])}; see icmj --help")
+    if name not in COMMANDS:
+        hint = did_you_mean(name, COMMANDS) or f"; there are {', '.join(COMMANDS)}"
+        raise IcmjError(f"no command {name!r}{hint}; see icmj --help")
+    parser = _Parser(f"icmj {name}", **_STYLE)
+    helped = any(word == "--help" or (word[:1] == "-" != word[1:2] and "h" in word) for word in rest)
+    options = ["--help", *_fill(parser, COMMANDS[name], helped)]
 
-    classes = _classes()
-    if not words[0].startswith("-") and words[0] not in classes:
-        hint = did_you_mean(words[0], classes) or f"; there are {', '.join(classes)}"
-        raise IcmjError(f"no command {words[0]!r}{hint}")
-    command: Any = Command
-    shown = io.StringIO()
-    try:
-        with contextlib.redirect_stderr(shown):
-            return tyro.cli(command, prog="icmj", args=words, config=(tyro.conf.FlagCreatePairsOff,))
-    except SystemExit as stop:
-        if stop.code == 1 and not shown.getvalue():  # what rich makes of a reader that went away
-            raise BrokenPipeError from None
-        if stop.code in (0, None):
-            with contextlib.suppress(OSError):  # nobody may listen
-                sys.stderr.write(shown.getvalue())
-            raise
-        where = f"icmj {words[0]}" if words[0] in classes else "icmj"
-        wrong = _in_words(_unbox(shown.getvalue()), words, classes)
-        raise IcmjError(f"{wrong}; see {where} --help") from None
+    def refuse(option: str) -> NoReturn:
+        raise IcmjError(f"{name} has no option {_near(option, options)}; see icmj {name} --help")
+
+    end = rest.index("--") if "--" in rest else len(rest)
+    for i, word in enumerate(rest[:end]):
+        option, equals, value = word.partition("=")
+        if word.startswith("--"):
+            if (hyphened := option.replace("_", "-")) not in options:
+                refuse(option)
+            rest[i] = f"{hyphened}{equals}{value}"
+    # what stands after -- is no option; intermixed arguments do not know it
+    found, more = (parser.parse_known_args if "--" in rest else parser.parse_known_intermixed_args)(rest)
+    if more and more[0].startswith("-"):
+        refuse(more[0])
+    if more:
+        parser.error(f"one argument too many, {one_line(more[0], 80)}")
+    values = {key: tuple(each) if isinstance(each, list) else each for key, each in vars(found).items()}
+    command: Callable[..., Shared] = COMMANDS[name]
+    return command(**values)
+
+
+def _near(option: str, known: Sequence[str]) -> str:
+    return f"{one_line(option, 80)}{did_you_mean(option, known)}"
+
+
+def _fill(parser: argparse.ArgumentParser, cls: type[Shared], helped: bool, files: object = None) -> list[str]:
+    """Give a parser the arguments of a command, and its help; returns the names of the options.
+
+    Args:
+        parser: to be filled.
+        cls: the class of the command.
+        helped: whether its help is needed, too, which is read from the source.
+        files: what completion for a shell offers where a path is expected.
+    """
+    from icmj.cli.arguments import Given, Shared
+
+    parser.description = "\n\n".join(
+        textwrap.fill(" ".join(words.split()), shutil.get_terminal_size().columns - 2)
+        for words in (cls.__doc__ or "").split("\n\n")
+    )
+    meanings: dict[str, str] = {}
+    for owner in cls.__mro__[-2::-1] if helped else ():
+        meanings |= attribute_docstrings(owner)
+    general = parser.add_argument_group("general options")
+    names = []
+    for field, hint in get_type_hints(cls, include_extras=True).items():
+        kind, given = get_args(hint) if get_origin(hint) is Annotated else (hint, Given())
+        kind = next((each for each in get_args(kind) if NoneType in get_args(kind)), kind)
+        default = cls.__dataclass_fields__[field].default
+        how = _of_kind(kind, given)
+        note = "required" if default is MISSING else f"default: {default}"
+        meaning = meanings.get(field, "") + ("" if default in (None, False, ()) else f" ({note})")
+        how["help"] = meaning.replace("%", "%%")
+        if given.positional:
+            if default is not MISSING:
+                how = {"nargs": "?", "default": default} | how
+            action = parser.add_argument(field, **how)
+        else:
+            names.append(f"--{(given.name or field).replace('_', '-')}")
+            place = general if field in get_type_hints(Shared) else parser
+            flags = [given.short, names[-1]] if given.short else names[-1:]
+            action = place.add_argument(*flags, dest=field, required=default is MISSING, **how)
+        if how.get("metavar") in _PATHS:
+            action.complete = files  # type: ignore[attr-defined]
+    return names
+
+
+def _of_kind(kind: Any, given: Given) -> dict[str, Any]:
+    """How argparse reads the values of an argument, and shows them."""
+    if kind is bool:
+        return {"action": "store_true"}
+    how: dict[str, Any] = {}
+    if get_origin(kind) is tuple:
+        kind, *others = get_args(kind)
+        open_end = others == [...]
+        how = {"action": "append"} if given.repeated else {"nargs": "*" if open_end else 1 + len(others)}
+        if given.positional:
+            how["default"] = ()
+    if get_origin(kind) is Literal:
+        return how | {"choices": get_args(kind), "type": _choose(get_args(kind))}
+    name = "NAME" if how and kind is str else kind.__name__.upper()
+    if given.writes is not None:
+        name = "FILE" if given.writes else "FOLDER"
+    return how | {"metavar": given.metavar or name, "type": _NUMBERS.get(kind, kind)}
+
+
+def _choose(known: tuple[str, ...]) -> Callable[[str], str]:
+    def choose(word: str) -> str:
+        if word not in known:
+            hint = did_you_mean(word, known)
+            raise argparse.ArgumentTypeError(f"expected {' or '.join(sorted(known))}, got {word!r}{hint}")
+        return word
+
+    return choose
+
+
+def _read_number(kind: type[int] | type[float], words: str) -> Callable[[str], float]:
+    def read(word: str) -> float:
+        try:
+            return kind(word)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"expected {words}, got {one_line(repr(word), 80)}") from None
+
+    return read
+
+
+_NUMBERS = {int: _read_number(int, "a whole number"), float: _read_number(float, "a number")}
+_PATHS = ("PATH", "FILE", "FOLDER")
+_STYLE: dict[str, Any] = {
+    "allow_abbrev": False,
+    "argument_default": argparse.SUPPRESS,
+    "formatter_class": argparse.RawDescriptionHelpFormatter,
+}
+COMPLETION = "--print-completion"
+_SHELLS = ("bash", "zsh", "tcsh")
+
+
+def completion(shell: str) -> str:
+    """The script by which a shell completes the commands of icmj and their options.
+
+    Raises:
+        IcmjError: if ``shell`` is not one of those.
+    """
+    import shtab
+
+    from icmj.cli.arguments import COMMANDS
+
+    if shell not in _SHELLS:
+        raise IcmjError(f"{COMPLETION}: expected {' or '.join(_SHELLS)}, got {shell!r}{did_you_mean(shell, _SHELLS)}")
+    parser = _Parser("icmj", **_STYLE)
+    commands = parser.add_subparsers()
+    for name, cls in COMMANDS.items():
+        _fill(commands.add_parser(name, help=_purpose(cls), **_STYLE), cls, True, shtab.FILE)
+    return str(shtab.complete(parser, shell))
 
 
 def overview() -> str:
     """The purpose of the program, and of each command in one sentence."""
     from icmj.cli.arguments import DESCRIPTION, GROUPS
 
-    classes = _classes()
     lines = ["usage: icmj COMMAND [OPTIONS]", "", *textwrap.wrap(" ".join(DESCRIPTION.split()), 78)]
-    for group, names in GROUPS.items():
+    for group, classes in GROUPS.items():
         lines += ["", f"{group}:"]
-        for name in names:
-            purpose = " ".join((classes[name].__doc__ or "").partition("\n\n")[0].split())
-            lines += textwrap.wrap(purpose, 78, initial_indent=f"  {name:<11}", subsequent_indent=" " * 13)
+        for cls in classes:
+            indent = f"  {cls.__name__.lower():<11}"
+            lines += textwrap.wrap(_purpose(cls), 78, initial_indent=indent, subsequent_indent=" " * 13)
     more = (
         ("icmj COMMAND --help", "options of a command, with an example"),
         ("icmj --version", "version"),
-        ("icmj --tyro-print-completion bash", "completion for the shell: bash, zsh or tcsh"),
+        (f"icmj {COMPLETION} bash", "completion for the shell: bash, zsh or tcsh"),
     )
     lines += ["", *(f"{words:<36}{purpose}" for words, purpose in more)]
     return "\n".join([*lines, "", "Example: icmj study"])
 
 
-@cache
-def _classes() -> dict[str, type]:
-    """The arguments of each command by its name, ready to be shown in the help."""
-    from icmj.cli.arguments import Command, General, annotate
-
-    classes = {}
-    for member in get_args(Command):
-        cls, *notes = get_args(member)
-        classes[next(note.name for note in notes if hasattr(note, "name"))] = cls
-    for shown in {owner for command in (*classes.values(), General) for owner in command.__mro__[:-1]}:
-        annotate(shown)
-    return classes
-
-
-def _in_words(complaint: str, words: list[str], classes: dict[str, type]) -> str:
-    """The parser's error message reworded; unchanged if no rule applies."""
-    if complaint.startswith("Unrecognized"):
-        return _unknown(complaint, words, classes)
-    for pattern, say in _SAYINGS:
-        if found := re.search(pattern, complaint):
-            return say(*found.groups())
-    return complaint
-
-
-def _unknown(complaint: str, words: list[str], classes: dict[str, type]) -> str:
-    command = words[0]
-    cls: Any = classes.get(command)
-    known = ["--help", *_options(cls)] if cls else ["--help", "--version"]
-    for word in words:
-        name = word.partition("=")[0]
-        if name.startswith("-") and name.replace("_", "-") not in (*known, "-h"):
-            return f"{command if cls else 'icmj'} has no option {one_line(name, 80)}{did_you_mean(name, known)}"
-    return f"{command}: one argument too many, {complaint.partition(': ')[2]}"
-
-
-def _options(cls: type) -> list[str]:
-    """Options of a command, by the names that they have on the command line."""
-    options = ["--quiet", "--verbose"]
-    for name, hint in get_type_hints(cls, include_extras=True).items():
-        if name == "general":
-            continue
-        given = (getattr(note, "name", None) for note in getattr(hint, "__metadata__", ()))
-        options.append(f"--{next(filter(None, given), name).replace('_', '-')}")
-    return options
-
-
-def _missing(command: str, what: str) -> str:
-    parts = [part.strip().rstrip(".") for part in what.split("(required)") if part.strip()]
-    if len(parts) > 1 or parts[0].startswith("--"):
-        return f"{command}: missing {' and '.join(' '.join(part.split()[:2]) for part in parts)}"
-    name, _, purpose = parts[0].partition(" ")
-    return f"{command}: missing {name} ({purpose})"
-
-
-def _choice(got: str, option: str, choices: str) -> str:
-    known = sorted(set(re.findall(r"'([^']*)'", choices)) - {"None"})  # None: what is not given at all
-    return f"{option}: expected {' or '.join(known)}, got {got!r}{did_you_mean(got, known)}"
-
-
-def _number(option: str, kind: str, got: str) -> str:
-    return f"{option}: expected {_NUMBERS.get(kind, 'another value')}, got {got!r}"
-
-
-_SAYINGS: tuple[tuple[str, Callable[..., str]], ...] = (
-    (r"^Missing from icmj (\w+): (.*)$", _missing),
-    (r"^invalid choice '(.*)' for argument '(\S+)'\. Expected one of \((.*)\)", _choice),
-    (r"^Error parsing (\S+): no type matching \{None\}\|(\w+) could be instantiated from \['(.*)'\]", _number),
-    (r"^Error parsing (\S+): could not convert string to (float): '(.*)'", _number),
-    (r"^Error parsing (\S+): invalid literal for (int)\(\) with base 10: '(.*)'", _number),
-    (r"^Missing value for argument '(\S+)'", "{}: its value is missing".format),
-)
-
-
-def _unbox(text: str) -> str:
-    """The first paragraph in the parser's box, in one line; where there are no characters for a box, a rule follows its
-    title.
-    """
-    lines: list[str] = []
-    titled = text.lstrip().startswith(("╭", "+"))
-    for line in text.splitlines():
-        inner = line.strip(" │|╭╮╰╯─+")
-        inner = "" if set(inner) <= {"-"} else inner
-        if not inner and lines:
-            if titled:
-                break  # a rule: what follows repeats the help
-            lines, titled = [], True
-        elif inner and not line.startswith(("╭", "+")):
-            lines.append(inner)
-    return " ".join(lines).rstrip(".") or "arguments not understood"
+def _purpose(cls: type[Shared]) -> str:
+    return " ".join((cls.__doc__ or "").partition("\n\n")[0].split())

@@ -11,10 +11,7 @@ The JSON Schema of run files and the other files of icmj, with which editors com
 
 from __future__ import annotations
 
-import ast
-import inspect
 import re
-import textwrap
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -25,6 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, StringConstraint
 
 from icmj.base import VERSION
 from icmj.base.array import MOST_ENTRIES, Array, Finite, Positive, Seed
+from icmj.base.text import attribute_docstrings
 from icmj.errors import RunFileError
 from icmj.plant.body import What
 from icmj.runfile.experiment_tables import ExperimentFile
@@ -509,11 +507,5 @@ def docstrings(model: type[BaseModel]) -> dict[str, str]:
     for cls in reversed(model.__mro__):
         if not cls.__module__.startswith("icmj.") or "setting" in vars(cls):
             continue  # what keys_of made has no source of its own: it stands in its base
-        (body,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
-        assert isinstance(body, ast.ClassDef)
-        for key, said in zip(body.body, body.body[1:], strict=False):
-            if not (isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name)):
-                continue
-            if isinstance(said, ast.Expr) and isinstance(said.value, ast.Constant):
-                found[key.target.id] = " ".join(str(said.value.value).split())
+        found |= attribute_docstrings(cls)
     return {key: words for key, words in found.items() if key in model.model_fields}

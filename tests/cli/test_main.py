@@ -114,7 +114,7 @@ def test_run_writes_a_log_that_reads_back(root, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
-    (["analyse"], "missing PATH"),
+    (["analyse"], "arguments are required: PATH"),
     (["analyse", "none.toml"], "none.toml: cannot be read"),
     (["analyse", "bad.toml"], "bad.toml: not TOML"),
     (["analyse", "lost.toml"], "no such model file"),

@@ -1,11 +1,11 @@
 """Words that make no command: one line of ours, with what was probably meant."""
 
 import subprocess
-import sys
+from pathlib import Path
 
 import pytest
 
-from icmj.cli.arguments import GROUPS
+from icmj.cli.arguments import COMMANDS
 from icmj.cli.main import main, parse
 from icmj.errors import IcmjError
 
@@ -15,19 +15,22 @@ from icmj.errors import IcmjError
     ("linearize x", "did you mean linearise?"),
     ("dance", "no command 'dance'; there are cases, new, person, linearise, schema, analyse, "),
     ("analyse x --jsn", "analyse has no option --jsn; did you mean --json?; see icmj analyse --help"),
+    ("run x --plant linear y z", "run: one argument too many, y"),
+    ("measure x --band 1", "--band: expected 2 arguments"),
+    ("schema case", "expected experiment or family or run or sweep, got 'case'"),
     ("run x --plan=linear", "run has no option --plan; did you mean --plant?"),
     ("run x -p linear", "run has no option -p; see"),
     ("continue x --from 1 --to 2 --parameter b --branch", "continue has no option --branch; did you mean --branches?"),
     ("continue x --to 1 --parameter b --form 1", "continue has no option --form; did you mean --from?"),
-    ("continue x", "continue: missing --parameter STR and --to FLOAT; see icmj continue --help"),
+    ("continue x", "continue: the following arguments are required: --parameter, --to; see icmj continue --help"),
     ("--vresion", "icmj has no option --vresion; did you mean --version?"),
     ("analyse x y", "analyse: one argument too many, y"),
-    ("analyse", "analyse: missing PATH (Run file"),
+    ("analyse", "analyse: the following arguments are required: PATH; see"),
     ("run x --plant lineal", "--plant: expected linear or mujoco, got 'lineal'; did you mean linear?"),
     ("person x --height tall", "--height: expected a number, got 'tall'"),
     ("replay x --time late", "--time: expected a number, got 'late'"),
     ("study --jobs two", "--jobs: expected a whole number, got 'two'"),
-    ("run x --out", "--out: its value is missing"),
+    ("run x --out", "run: argument --out: expected one argument; see icmj run --help"),
 ])  # fmt: skip
 @pytest.mark.parametrize("columns", ["80", "40"])
 def test_one_line_says_what_was_meant(words, said, columns, monkeypatch):
@@ -37,17 +40,22 @@ def test_one_line_says_what_was_meant(words, said, columns, monkeypatch):
     assert said in str(raised.value)
 
 
-def test_a_stream_without_characters_for_a_box_is_told_as_much(shell):
-    """It was told "Invalid choice", the title of the box."""
-    for words, said in (("run x --plant lineal", "expected linear or mujoco"), ("study --jobs two", "a whole number")):
-        assert said in shell.refuses(words.split())
-
-
 def test_options_come_with_underscores_too_and_set_is_repeatable():
     command = parse(["linearise", "x", "--operating_point", "balance", "--free", "a", "b"])
     assert (command.operating_point, command.free) == ("balance", ("a", "b"))
     command = parse(["run", "x", "--set", "a.b=1", "--plant", "linear", "--set", "c.d=2"])
     assert command.set == ("a.b=1", "c.d=2")
+    command = parse(["continue", "x", "--parameter=b", "--from", "-1", "--to", "2", "-qv"])
+    assert (command.from_, command.to, command.quiet, command.verbose) == (-1.0, 2.0, True, True)
+
+
+def test_arguments_and_options_come_in_any_order():
+    """Before and after an option, and after -- whatever they begin with."""
+    assert parse(["study", "a", "--jobs", "2", "b"]) == parse(["study", "--jobs=2", "a", "b"])
+    assert parse(["measure", "x", "--columns", "a", "b", "--rate", "1"]).columns == ("a", "b")
+    assert parse(["run", "--json", "--", "-x"]).run == Path("-x")
+    assert parse(["identify"]).motions == ()
+    assert (parse(["new", "run"]).of, parse(["schema"]).kind) == ((), "run")
 
 
 def test_version_is_the_package_s(shell):
@@ -57,16 +65,14 @@ def test_version_is_the_package_s(shell):
 
 
 def test_the_overview_names_every_command_once_in_a_group(shell):
-    from icmj.cli.main import _classes
-
     shown = shell.says([])
-    assert [name for group in GROUPS.values() for name in group] == list(_classes())
-    for name in _classes():
+    assert len(COMMANDS) == 19
+    for name in COMMANDS:
         assert shown.count(f"\n  {name} ") == 1
     assert max(map(len, shown.splitlines())) <= 80
 
 
-@pytest.mark.parametrize("name", [name for group in GROUPS.values() for name in group])
+@pytest.mark.parametrize("name", COMMANDS)
 def test_help_shows_nothing_that_only_python_has(name, shell):
     """It had "{None}|PATH" and "(default: )"."""
     shown = shell.says([name, "--help"])
@@ -88,8 +94,12 @@ def test_quiet_leaves_results_and_verbose_tells_steps(capsys, monkeypatch):
     assert "icmj: analysing simple-0.8" in capsys.readouterr().err
 
 
-def test_completion_for_a_shell_is_printed():
-    command = [sys.executable, "-m", "icmj.cli", "--tyro-print-completion", "bash"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    script = f"{done.stdout}\nCOMP_WORDS=(icmj an) COMP_CWORD=1; _tyro_icmj; echo ${{COMPREPLY[@]}}"
-    assert subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True).stdout == "analyse\n"
+def test_completion_for_a_shell_is_printed(shell):
+    script = f"{shell.says(['--print-completion', 'bash'])}\ncomplete -p icmj | sed 's/.*-F *//; s/ .*//'"
+    function = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True).stdout.strip()
+    for words, offered in (("icmj an", "analyse"), ("icmj run --pla", "--plant"), ("icmj run --plant lin", "linear")):
+        at = f"COMP_WORDS=({words}) COMP_CWORD={len(words.split()) - 1}; {function} icmj; echo ${{COMPREPLY[@]}}"
+        done = subprocess.run(["bash", "-c", f"{script} >/dev/null\n{at}"], capture_output=True, text=True, check=True)
+        assert done.stdout.split() == [offered]
+    assert "#compdef icmj" in shell.says(["--print-completion", "zsh"])
+    assert "expected bash or zsh or tcsh, got 'bush'" in shell.refuses(["--print-completion", "bush"])
