@@ -105,6 +105,92 @@ def test_nobody_asks_what_class_a_trigger_is_outside_its_home() -> None:
             assert not asked.search(path.read_text(encoding="utf-8")), name_of(path)
 
 
+LICENSED = {"icmj.engine.native.memory", "icmj.base.linking"}  # which say why at their head
+INSIDES = ("numba.core", "loky.backend")  # without an underscore, and not promised to stay
+PUBLIC = {"_replace", "_asdict", "_fields", "_make", "_exit"}  # of named tuples, and of os
+IMPORTS = {"modules", "meta_path", "path_hooks", "path_importer_cache"}  # of sys, by which modules are found
+
+
+def private(name: str) -> bool:
+    return name.startswith("_") and not (name.startswith("__") and name.endswith("__"))
+
+
+def foreign_insides(tree: ast.AST, own: set[str] = frozenset()) -> set[str]:
+    """What a module uses of libraries that they do not offer, and where it changes how modules are found.
+
+    A private name is its own if a module of icmj defines it (``own``).
+    """
+    found = set()
+    for node in ast.walk(tree):
+        names: list[str] = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        for name in names:
+            inside = any(f"{name}.".startswith(f"{each}.") for each in INSIDES)
+            if name != "__future__" and (inside or any(map(private, name.split(".")))):
+                found |= {name} if not name.startswith("icmj.") else set()
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id.endswith("attr"):
+            names = [each.value for each in node.args[1:2] if isinstance(each, ast.Constant)]
+            found |= {name for name in names if private(name) and name not in own}
+        if isinstance(node, ast.Attribute) and private(node.attr) and node.attr not in own | PUBLIC:
+            found.add(ast.unparse(node))
+        if isinstance(node, ast.Attribute) and any(
+            f"{ast.unparse(node)}.".startswith(f"{inside}.") for inside in INSIDES
+        ):
+            found.add(ast.unparse(node))
+        changed = node.value if isinstance(node, ast.Subscript) and not isinstance(node.ctx, ast.Load) else node
+        called = node.func.value if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) else None
+        reads = isinstance(node, ast.Call) and getattr(node.func, "attr", "") in ("get", "keys", "values", "items")
+        for thing in (changed, None if reads else called):
+            stored = thing is not node or not isinstance(getattr(node, "ctx", ast.Load()), ast.Load)
+            if isinstance(thing, ast.Attribute) and thing.attr in IMPORTS and stored:
+                found |= {ast.unparse(node)} if ast.unparse(thing.value) == "sys" else set()
+    return found
+
+
+def own_private_names(tree: ast.AST) -> set[str]:
+    """Names with an underscore that a module defines: functions, classes, fields, and attributes of ``self``."""
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            found.add(node.name)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            found.add(node.id)
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+            found |= {node.attr} if ast.unparse(node.value) in ("self", "cls") else set()
+    return {name for name in found if private(name)}
+
+
+def test_no_library_s_inside_is_used_or_changed() -> None:
+    """Their next release may change it; and whoever imports icmj gets libraries as they are."""
+    trees = {name_of(path): ast.parse(path.read_text(encoding="utf-8")) for path in MODULES}
+    own = set().union(*map(own_private_names, trees.values()))
+    found = {name: insides for name, tree in trees.items() if (insides := foreign_insides(tree, own))}
+    # the user's own module, under its own name
+    assert found.pop("icmj.work.own_code") == {"sys.modules[own]"}
+    assert found.keys() == LICENSED
+
+
+@pytest.mark.parametrize("line", [
+    "sys.modules['typeguard'] = guard", "sys.meta_path.insert(0, finder)", "del sys.modules['x']", "import numba.core",
+    "sys.modules.update(more)", "sys.meta_path = []", "from numba import _dynfunc", "from loky.backend import context",
+    "import loky\nloky.backend.context.get_context()", "getattr(library, '_real_set_num_threads')", "process._config",
+    "sys.meta_path += [finder]", "from numba.core.caching import FunctionCache", "from tyro._cli import x",
+])  # fmt: skip
+def test_what_uses_an_inside_is_found(line: str) -> None:
+    assert foreign_insides(ast.parse(line))
+
+
+@pytest.mark.parametrize("line", [
+    "sys.modules.get('numba')", "'numba' in sys.modules", "os._exit(1)", "point._replace(x=1)", "self._own",
+    "module.__getattr__('x')", "from __future__ import annotations", "from icmj.base.text import _spelt",
+])  # fmt: skip
+def test_what_is_offered_may_be_used(line: str) -> None:
+    assert not foreign_insides(ast.parse(line), {"_own"})
+
+
 def test_what_is_on_disk_is_read_in_one_way() -> None:
     """Elsewhere a pipe is waited for, and a link to a device fills the memory."""
     read = re.compile(

@@ -13,8 +13,6 @@ process, and nothing would ever be found on disk.
 from __future__ import annotations
 
 import hashlib
-import sys
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import wraps
@@ -24,50 +22,15 @@ from typing import Any
 from icmj.base import process
 from icmj.base.process import INTERPRETED
 
-
-@contextmanager
-def _without_yaml() -> Iterator[None]:
-    """Within the block PyYAML is not found.
-
-    numba takes settings from ``.numba_config.yaml`` in the working folder, among them the folder of its cache, whose
-    files run code, and does so only where it finds PyYAML as it is imported. Otherwise it warns of the file.
-    """
-    modules: dict[str, Any] = sys.modules
-    before = {name: modules[name] for name in ["yaml"] if name in modules}
-    modules["yaml"] = None
-    try:
-        yield
-    finally:
-        del modules["yaml"]
-        modules.update(before)
-
-
 if not INTERPRETED:
-    warnings.filterwarnings("ignore", "A Numba config file is found", UserWarning, r"numba\.core\.config")
-    with _without_yaml():
-        import numba
-    from numba.core import event
+    from icmj.base.linking import Linked, c_function, listen, load_from_disk, numba
+
+    listen(process.begin_compiling, process.end_compiling)
 
 try:
     import fcntl
 except ImportError:  # no such locks here: each process compiles
     fcntl = None  # type: ignore[assignment]
-
-TESTED = "0.68."  # numba, with icmj.base.linking
-
-
-if not INTERPRETED:
-
-    class _Noted(event.Listener):
-        """Reports to :mod:`icmj.base.process` when numba compiles because the disk cache has no matching code."""
-
-        def on_start(self, what: Any) -> None:
-            process.begin_compiling()
-
-        def on_end(self, what: Any) -> None:
-            process.end_compiling()
-
-    event.register("numba:compile", _Noted())
 
 
 def contents(folder: Path, *more: str) -> int:
@@ -82,7 +45,7 @@ def cache_on_disk(make: Callable[..., Any], options: dict[str, Any]) -> Callable
 
     def decorate(function: Callable[..., Any]) -> Any:
         try:
-            return _kept(make(cache=True, **options)(function))
+            return load_from_disk(make(cache=True, **options)(function))
         except RuntimeError:  # no folder for the cache: compile in every process
             return make(**options)(function)
 
@@ -100,7 +63,7 @@ def c_entry(signature: str) -> Callable[[Callable[..., Any]], Any]:
     """A function that C can call, cached on disk like :func:`entry`; in interpreted mode, the function itself."""
     if INTERPRETED:
         return lambda function: function
-    make = cache_on_disk(lambda **options: _c_function(signature, **options), {"error_model": "numpy"})
+    make = cache_on_disk(lambda **options: c_function(signature, **options), {"error_model": "numpy"})
     return lambda function: make(function).ctypes
 
 
@@ -122,14 +85,7 @@ def interpret(function: Callable[..., Any]) -> Callable[..., Any]:
 WITHIN: dict[str, Any] = {
     "nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": False
 }  # fmt: skip
-# numba's inside is not promised to stay; without this, compiling and loading take longer
-_kept: Callable[[Any], Any] = lambda made: made  # noqa: E731
-_c_function: Callable[..., Any] = lambda *given, **options: numba.cfunc(*given, **options)  # noqa: E731
-if not INTERPRETED and numba.__version__.startswith(TESTED):
-    from icmj.base.linking import Linked
-    from icmj.base.linking import c_function as _c_function
-    from icmj.base.linking import load_from_disk as _kept
-
+if not INTERPRETED:
     # and arrays count references; said, because it is taken from the caller where nothing is said
     WITHIN |= {"pipeline_class": Linked, "_nrt": True}
 
@@ -166,8 +122,6 @@ def within(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Decorator of a function that only compiled code calls; Python itself must not, it would crash."""
     if INTERPRETED:
         return lambda function: function
-    if "pipeline_class" not in WITHIN:  # a numba that nobody has tried this with
-        options.pop("_nrt", None)
     return numba.njit(**WITHIN | options)
 
 

@@ -1,20 +1,48 @@
 """Use of numba's internals: compiled functions that only compiled code calls, and compiled code loaded from the disk.
 
-The first are kept as intermediate code.
+The first are kept as intermediate code. numba is imported here first, without the settings of a working folder.
 
 numba optimises every function when it is defined, makes machine code of it, and does both again in each function that
 calls it. Here the first is left out: what is linked into an entry point is optimised there, once, with everything else.
 A third of the time to compile goes with it, and what comes out is no slower.
+
+This is one of two modules that use what a library does not promise to keep (the other is
+:mod:`icmj.engine.native.memory`): without it the first run on a machine compiles for twice as long. numba's version is
+therefore fixed in ``pyproject.toml``, and what is linked is compared with plain Python in the tests.
 """
+
+# ruff: noqa: E402, what follows numba's own import must stand behind it
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import sys
+import warnings
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+
+@contextmanager
+def _without_yaml() -> Iterator[None]:
+    """Within the block PyYAML is not found.
+
+    numba takes settings from ``.numba_config.yaml`` in the working folder, among them the folder of its cache, whose
+    files run code, and does so only where it finds PyYAML as it is imported. Otherwise it warns of the file.
+    """
+    before = {name: sys.modules[name] for name in ["yaml"] if name in sys.modules}
+    sys.modules["yaml"] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        del sys.modules["yaml"]
+        sys.modules.update(before)
+
+
+warnings.filterwarnings("ignore", "A Numba config file is found", UserWarning, r"numba\.core\.config")
+with _without_yaml():
+    import numba as numba
 from numba import _dynfunc  # type: ignore[attr-defined]
-from numba.core import environment
+from numba.core import environment, event
 from numba.core.caching import FunctionCache
 from numba.core.ccallback import CFunc
 from numba.core.codegen import JITCodeLibrary
@@ -128,3 +156,19 @@ def c_function(signature: str, cache: bool = False, **options: Any) -> Any:
         return made
 
     return make
+
+
+class _Listener(event.Listener):
+    def __init__(self, begin: Callable[[], None], end: Callable[[], None]) -> None:
+        self._begin, self._end = begin, end
+
+    def on_start(self, what: Any) -> None:
+        self._begin()
+
+    def on_end(self, what: Any) -> None:
+        self._end()
+
+
+def listen(begin: Callable[[], None], end: Callable[[], None]) -> None:
+    """Call these whenever numba begins and ends to compile because the disk cache has no matching code."""
+    event.register("numba:compile", _Listener(begin, end))

@@ -71,7 +71,6 @@ def test_the_order_of_sums_is_the_one_written() -> None:
     assert found.tolist() == by_hand.tolist()
 
 
-@pytest.mark.skipif("pipeline_class" not in WITHIN, reason="another numba than the one that linking is tested with")
 def test_what_is_linked_has_no_machine_code_of_its_own() -> None:
     def double(x: float) -> float:
         return 2.0 * x

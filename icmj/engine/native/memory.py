@@ -6,6 +6,10 @@ Compiled code reads and writes MuJoCo's structs in place and calls the engine's 
 numba can keep it on disk and the next process starts without compiling. Interpreted, the same code calls these
 functions through MuJoCo's Python bindings: models and data are then objects, and arrays go to the engine as they are.
 
+This is one of two modules that use what a library does not promise to keep (the other is :mod:`icmj.base.linking`):
+through MuJoCo's bindings alone each step would go by way of Python, and take several times as long. MuJoCo's version is
+therefore fixed in ``pyproject.toml``, and :func:`check` compares the layout with the bindings for each model.
+
 The engine's memory: its fields by name, and arrays without a reference count.
 
 Compiled code has addresses of models and data, and offsets of their fields; interpreted code has MuJoCo's own objects,
