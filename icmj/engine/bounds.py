@@ -16,7 +16,6 @@ from icmj.base.array import Array
 from icmj.engine.model import (
     OperatingPoint,
     activation_rates,
-    actuator_of,
     data_at,
     input_names,
     solve_fully,
@@ -108,9 +107,9 @@ def sort_bounds(
 
 
 def name_of(model: mujoco.MjModel, bound: Bound) -> str:
-    """The name of what a limit belongs to; of a control that of the input."""
+    """The name of what a limit belongs to."""
     of = SORTS[bound.array].of
-    if of == "control":
+    if of in ("control", "actuator"):
         return input_names(model)[bound.at]
     return getattr(model, of)(bound.at).name or str(bound.at)
 
@@ -119,14 +118,12 @@ def excesses(
     model: mujoco.MjModel, point: OperatingPoint, states: np.ndarray, entries: np.ndarray, controls: np.ndarray
 ) -> tuple[Excess, ...]:
     """The limits beyond which an operating point lies, but those of controls that are no inputs."""
-    names, actuators = input_names(model), actuator_of(model)
-    found = []
+    names, found = input_names(model), []
     for bound in sort_bounds(model, point, states, entries)[1]:
         sort, at = SORTS[bound.array], bound.at
-        of = {"control": controls == at, "actuator": actuators[controls] == at}.get(sort.of)
-        if sort.of == "control" and not np.any(of):
+        held = (names[at],) if sort.of in ("control", "actuator") and at in controls else ()
+        if sort.of == "control" and not held:
             continue
-        held = () if of is None else tuple(names[i] for i in controls[of])
         ends = " to ".join(f"{end:g}" for end in np.atleast_1d(getattr(model, sort.range)[at]))
         found.append(Excess(f"{sort.words.format(name_of(model, bound))}, {ends}", sort.kind, held))
     return tuple(found)

@@ -302,27 +302,21 @@ def model_name(model: mujoco.MjModel) -> str:
     return model.names[: model.names.index(b"\0")].decode()
 
 
-def actuator_of(model: mujoco.MjModel) -> np.ndarray:
-    """The actuator of each control, shape (nu,); most have one, some have several or none."""
-    return np.repeat(np.arange(model.nactuator), model.actuator_ctrlnum)
-
-
 def input_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Names of the controls, which are the plant's inputs.
+    """Names of the actuators, which are the plant's inputs.
 
-    They are those of the actuators and, where these have several controls, what each sets there: ``ankle.pos``.
+    Raises:
+        ModelError: if an actuator has several controls or none, or several forces.
     """
-    names = actuator_names(model)
-    found: list[str] = []
-    for i, count in enumerate(model.actuator_ctrlnum):
-        sets = [mujoco.mj_actuatorInputName(model, i, k) for k in range(count)]
-        found += [names[i]] if count == 1 else [f"{names[i]}.{what or k}" for k, what in enumerate(sets)]
-    return tuple(found)
-
-
-def actuator_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Names of the actuators, of which those without are u0, u1, …"""
-    return _name_elements("u", [model.actuator(i).name for i in range(model.nactuator)])
+    names = _name_elements("u", [model.actuator(i).name for i in range(model.nactuator)])
+    for name, controls, forces in zip(names, model.actuator_ctrlnum, model.actuator_outnum, strict=True):
+        if (controls, forces) != (1, 1):
+            raise ModelError(
+                f"model {model_name(model)!r}: actuator {name!r} has {controls} inputs and {forces} outputs; icmj "
+                'takes actuators with one of each: give a pid or dcmotor one input, such as input="pos", '
+                "or write the servo as motors"
+            )
+    return names
 
 
 def output_names(model: mujoco.MjModel) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from model_cases import BIASED, MOTOR, MUSCLE, SERVO, pendulum, two, written
 
+from icmj.cli.main import main
 from icmj.controller.controller import Controller
 from icmj.controller.design import design_lq, system_matched
 from icmj.controller.trigger import EventTrigger, output_weight
@@ -197,3 +198,45 @@ def test_sensors_err_as_told(tmp_path):
     run = simulate(biased, control, Settings(duration=0.5), x0=[0.01, 0])
     np.testing.assert_allclose(run.y[:, 0], run.x[:, 0] + 0.002, rtol=1e-12)
     assert mujoco.get_mjcb_control() is None
+
+
+SEVERAL = {
+    "pid": ('<pid name="m" joint="lean" kp="900" kv="100" ki="50"/>', "'m' has 2 inputs and 1 outputs"),
+    "no input": ('<dcmotor name="m" joint="lean" motorconst="1" resistance="1" input="none"/>', "'m' has 0 inputs"),
+    "orientation": (
+        '<orientation joint="ball" kp="20"/>',
+        "'u0' has 3 inputs and 3 outputs; icmj takes actuators with one of each",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SEVERAL)
+def test_an_actuator_of_several_controls_is_refused_in_one_line(tmp_path, name, capsys):
+    actuator, words = SEVERAL[name]
+    ball = (
+        '<body pos="0 0 1"><joint name="ball" type="ball"/><geom size="0.1"/></body>' if name == "orientation" else ""
+    )
+    key = 'qpos="0 1 0 0 0"' if ball else 'qpos="0"'
+    path = written(tmp_path, pendulum(actuator, body=ball, key=key))
+    run = tmp_path / "run.toml"
+    run.write_text(
+        'case = { name = "a", title = "A" }\n[assumed]\nmodel = "model.xml"\n[assumed.activation]\norder = 1\n'
+        "time_constant = 0.1\n[controller]\nq_t = 0.01\n"
+    )
+    for command in (["linearise", str(path)], ["analyse", str(run)], ["new", str(path), "--out", str(tmp_path / "n")]):
+        assert main(command) in (1, 2)
+        said = capsys.readouterr().err
+        assert words in said
+        assert said.count("\n") == 1
+
+
+def test_a_pid_of_one_input_is_a_servo(tmp_path):
+    """k_p (u − θ) − k_v θ', as that of a position servo."""
+    both = ('<pid name="ankle" joint="lean" kp="900" kv="100" input="pos"/>',
+            '<position name="ankle" joint="lean" kp="900" kv="100"/>')  # fmt: skip
+    pid, servo = (
+        load_plant(written(tmp_path, pendulum(actuator), f"{i}.xml")).linearisation.plant
+        for i, actuator in enumerate(both)
+    )
+    for letter in "ABC":
+        np.testing.assert_allclose(getattr(pid, letter), getattr(servo, letter), rtol=1e-8, atol=1e-12)
