@@ -368,6 +368,9 @@ def _measured(drawn: Drawn, rng: random.Random, plant: str) -> str:
 
 def _instants(drawn: Drawn, rng: random.Random, plant: str) -> str:
     """A step on an instant of the grid, where rows, ticks and events are, or between, with rows of any interval."""
+    acting = drawn.changes.get("simulation.disturbance", [])
+    if any(of["kind"] == "gaussian" for of in acting):  # it bends at every point of its grid, where no row is
+        return "skipped"
     _, pushed, size, _, _ = body(drawn.base)
     start = drawn.grid * rng.randint(2, max(int(drawn.duration / drawn.grid) - 1, 2)) + rng.choice((0.0, 0.0, 0.00237))
     key = "simulation.disturbance"
