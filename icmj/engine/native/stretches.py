@@ -37,14 +37,7 @@ from icmj.engine.native.fixed_steps import save, step
 from icmj.engine.native.memory import address, bare, compiled, engine_function, entry, exact, merged, sources
 from icmj.engine.native.state import Engine, Plan, Rule, note, note_event, note_row, standing
 from icmj.engine.schedule import Recording, row_after
-from icmj.simulation.native.loop import (
-    ARRIVED,
-    EDGE,
-    SIGNAL,
-    Status,
-    is_due,
-    run_loop,
-)
+from icmj.simulation.native.loop import ARRIVED, EDGE, SIGNAL, Status, is_due, run_loop
 from icmj.simulation.native.loop import sources as sources_of_loop
 from icmj.simulation.native.taps import (
     BEFORE,
