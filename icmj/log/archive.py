@@ -411,9 +411,8 @@ def unpack(tree: str, arrays: Flat) -> Result:
     """
     try:
         result = _decode(parts := json.loads(tree), arrays)
-        if (
-            type(result) is Result and "edges" not in parts["simulation"]
-        ):  # a log of before: its run file says when what is given jumps
+        # of a log of before, its run file says when what is given jumps
+        if type(result) is Result and "edges" not in parts["simulation"]:
             acting = acting_on(result.actual, result.run.simulation.settings())
             drives = collect_drives(result.controller, acting, result.simulation.t)
             result = replace(result, simulation=replace(result.simulation, edges=drives["edges"]))

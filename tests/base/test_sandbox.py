@@ -53,12 +53,12 @@ def test_it_is_ended_where_it_takes_too_long_or_too_much_and_says_how() -> None:
 
 
 def test_whatever_may_crash_runs_in_this_one_sandbox(root: Path) -> None:
-    """Models, C3D files and logs; what else starts a program is git's state and the viewer."""
+    """Models, C3D files, logs and tables; what else starts a program is the viewer, and worker processes."""
     starts = {
         path.relative_to(root / "icmj").as_posix()
         for path in (root / "icmj").rglob("*.py")
         if "subprocess.run(" in (text := path.read_text(encoding="utf-8")) or "Popen(" in text
     }
-    assert starts == {"base/process.py", "work/folder.py", "log/reader.py"}
-    used = {"engine/safety.py", "series/formats.py", "log/reader.py"}
+    assert starts == {"base/process.py", "work/workers.py", "log/reader.py"}
+    used = {"engine/safety.py", "series/formats.py", "log/reader.py", "base/array.py"}
     assert all("run_bounded(" in (root / "icmj" / name).read_text(encoding="utf-8") for name in used)

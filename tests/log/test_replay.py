@@ -105,7 +105,7 @@ def test_no_view_reports_an_error(logs: dict[str, Path]) -> None:
 
     port = _free_port()
     command = [*_base(port), "--headless", "--window-size", "1280x800"]
-    with _running(command, logs["three_link"]) as (process, messages):
+    with _running(command, [logs["three_link"]]) as (process, messages):
         _await_port(port, process, messages)
         client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
         deadline = time.monotonic() + PATIENCE
