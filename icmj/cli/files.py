@@ -542,6 +542,7 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 def _show_fit(done: DoneFit, out: Terminal) -> None:
     """A table of numbers for each person and family, then what else was found, in words."""
+    from icmj.fitting.choice import say_probability
     from icmj.study.fit_page import caveats, words_of
 
     for one in done.people:
@@ -552,21 +553,21 @@ def _show_fit(done: DoneFit, out: Terminal) -> None:
     for found in done.fitted:
         trained = done.trained[found.family]
         low, median, high = np.quantile(found.theta, (0.05, 0.5, 0.95), axis=0)
-        prior, verdicts = trained.family.prior, trained.calibration.verdicts
+        prior, verdicts = trained.family.prior, trained.calibration.judge(found.contraction)
         rows = [
             (name, prior.units[i], *(amount(of[i], figures=4) for of in (median, low, high)), verdicts[i])
             for i, name in enumerate(prior.names)
         ]
         columns = (
             Column("number"), Column("unit", rank=1), Column("median", "right"), Column("5 %", "right"),
-            Column("95 %", "right"), Column("on synthetic people"),
+            Column("95 %", "right"), Column("verdict"),
         )  # fmt: skip
         show_table(columns, rows, out, title=f"{found.person.label}: {trained.family.title}")
         out.say(words_of(found))
     if done.confusion is not None and done.probabilities is not None:
         head = (Column("probability"), *(Column(name, "right") for name in done.trained))
         shares = [
-            (one.label, *(f"{p:.2f}" for p in each)) for one, each in zip(done.people, done.probabilities, strict=True)
+            (one.label, *map(say_probability, each)) for one, each in zip(done.people, done.probabilities, strict=True)
         ]
         show_table(head, shares, out, title="Which family")
         out.say(done.confusion.words + ".")

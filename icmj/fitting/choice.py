@@ -41,6 +41,11 @@ CAVEAT = (
     "without them, 13 of 33 cases of real people were assigned to event and 19 to switching"
 )
 """What must be known beside a probability."""
+AT_ONCE = (
+    "with the noise that the families assume: of people under continuous delayed PD whose noise was slowly modulated "
+    "in size, 76 % were assigned to switching"
+)
+"""The same in a few words, for the first line."""
 TRIED = (
     ("Synthetic people under", "with", "assigned to"),
     (
@@ -271,6 +276,11 @@ class Difference:
     holm: float
     verdict: str
     words: str
+
+
+def say_probability(p: float) -> str:
+    """A probability for people: with two digits, and neither certain nor impossible."""
+    return "> 0.99" if p > 0.994 else "< 0.01" if p < 0.006 else f"{p:.2f}"
 
 
 def compare(

@@ -83,6 +83,14 @@ class Calibration:
         """Names of the numbers that the data tell, with intervals that can be believed."""
         return tuple(n for n, verdict in zip(self.names, self.verdicts, strict=True) if verdict == "identified")
 
+    def judge(self, contraction: Array) -> tuple[str, ...]:
+        """The verdicts on the numbers of one person, by the contraction of that person's own posterior, shape (p,).
+
+        What is identified of most people is not of one whose recordings leave it as wide as before.
+        """
+        pairs = zip(self.verdicts, contraction, strict=True)
+        return tuple("not identified" if v == "identified" and own < IDENTIFIED else v for v, own in pairs)
+
     def expected(self, masses: ArrayLike) -> Array:
         """Share of people whose central intervals of these masses hold the truth, shape (len(masses), p)."""
         wide = np.abs(2 * self.ranks - 1)

@@ -225,6 +225,11 @@ class FamilyFit:
     support: float
     predictive: Predictive
 
+    @property
+    def contraction(self) -> Array:
+        """1 − variance of the posterior / variance of the prior, of this person; shape (p,). 1 is all, 0 nothing."""
+        return np.asarray(1 - self.z.var(axis=0))
+
 
 @dataclass(frozen=True, eq=False)
 class Fit:

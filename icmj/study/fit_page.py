@@ -23,8 +23,8 @@ from icmj.base.numbers import number as number_of
 from icmj.case.result import in_unit
 from icmj.errors import FitError
 from icmj.experiments.quiet_standing import YOUNG_PEOPLE
+from icmj.fitting.choice import AT_ONCE, ORIGIN, TRIED, Difference, say_probability
 from icmj.fitting.choice import CAVEAT as CHOICE
-from icmj.fitting.choice import ORIGIN, TRIED, Difference
 from icmj.fitting.family import DELAY, RATE, Prior
 from icmj.fitting.posterior import CALIBRATION_CAVEAT as VERDICT
 from icmj.fitting.posterior import PREDICTION_CAVEAT as PREDICTION
@@ -96,7 +96,7 @@ def table(found: Fit) -> pa.Table:
     for one in found.fitted:
         trained = found.trained[one.family]
         low, median, high = np.quantile(one.theta, (0.05, 0.5, 0.95), axis=0)
-        probability = _probability(found, one)
+        probability, verdicts = _probability(found, one), trained.calibration.judge(one.contraction)
         for i, name in enumerate(trained.family.prior.names):
             rows.append(
                 {
@@ -111,7 +111,8 @@ def table(found: Fit) -> pa.Table:
                     "high": float(high[i]),
                     "z_mean": float(one.z[:, i].mean()),
                     "z_deviation": float(one.z[:, i].std()),
-                    "verdict": trained.calibration.verdicts[i],
+                    "contraction": float(one.contraction[i]),
+                    "verdict": verdicts[i],
                     "support": one.support,
                     "misfit": one.misfit.words,
                     "family_probability": probability,
@@ -172,10 +173,17 @@ def _family(trained: TrainedFamily) -> dict[str, Any]:
 
 
 def _person(found: Fit, one: FamilyFit) -> dict[str, Any]:
-    prior, p = found.trained[one.family].family.prior, one.predictive
+    trained, p = found.trained[one.family], one.predictive
+    prior, verdicts = trained.family.prior, trained.calibration.judge(one.contraction)
     low, median, high = np.quantile(one.theta, (0.05, 0.5, 0.95), axis=0)
     numbers = {
-        name: {"median": float(median[i]), "low": float(low[i]), "high": float(high[i])}
+        name: {
+            "median": float(median[i]),
+            "low": float(low[i]),
+            "high": float(high[i]),
+            "contraction": float(one.contraction[i]),
+            "verdict": verdicts[i],
+        }
         for i, name in enumerate(prior.names)
     }
     sway = {
@@ -229,7 +237,7 @@ def _choice_item(found: Fit, out: Path, number: Iterator[int]) -> dict[str, Any]
     c, probabilities = found.confusion, found.probabilities
     assert c is not None
     assert probabilities is not None
-    rows = [(one.label, *(f"{p:.2f}" for p in each)) for one, each in zip(found.people, probabilities, strict=True)]
+    rows = [(one.label, *map(say_probability, each)) for one, each in zip(found.people, probabilities, strict=True)]
     words = [f"{CHOICE}.", f"{c.words}. Their mean confidence is {c.confidence:.2f}, their accuracy {c.accuracy:.2f}."]
     picture = _picture(confusion_figure(c.families, c.counts), out, "families")
     caption = "Synthetic people: the family that they were simulated with, and the one to which they are assigned."
@@ -314,12 +322,14 @@ def _findings(found: Fit) -> list[tuple[str, str]]:
 def _finding(found: Fit, one: FamilyFit) -> str:
     """What was inferred of one person under one family, with its uncertainty."""
     trained = found.trained[one.family]
-    prior, verdicts = trained.family.prior, trained.calibration.verdicts
+    prior, verdicts = trained.family.prior, trained.calibration.judge(one.contraction)
     known = [i for i, verdict in enumerate(verdicts) if verdict == "identified"]
     estimates = [f"{symbol(prior.names[i])} = {_estimate(one, prior, i)}, {prior.titles[i]}" for i in known]
     inferred = f"these recordings identify {len(known) or 'none'} of {len(prior)} parameters"
     inferred += f" ({'; '.join(estimates)})" if known else ""
-    chosen = "" if found.probabilities is None else f", whose probability is {_probability(found, one):.2f}"
+    chosen = ""
+    if found.probabilities is not None:
+        chosen = f", whose probability is {say_probability(_probability(found, one))} ({AT_ONCE})"
     warning = " Do not trust this fit, as stated below." if one.misfit else ""
     return f"Under {_lower(trained.family.title)}{chosen}, {inferred}.{warning}"
 

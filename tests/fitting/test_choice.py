@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from icmj.errors import FitError
-from icmj.fitting.choice import Choice, confusion, train_choice
+from icmj.fitting.choice import Choice, confusion, say_probability, train_choice
 
 NAMES = ("a", "b")
 MEANS = {"left": -0.7, "right": 0.7, "twin": 0.7}
@@ -51,3 +51,11 @@ def test_one_family_is_no_choice() -> None:
         train_choice({"left": people("left", 100, 1)}, NAMES)
     with pytest.raises(FitError, match="49 people"):
         train_choice({name: people(name, 49, 1) for name in MEANS}, NAMES)
+
+
+def test_no_probability_is_said_to_be_certain_or_impossible():
+    said = {p: say_probability(p) for p in (0.0, 1e-9, 0.004, 0.01, 0.5, 0.99, 0.996, 0.9999, 1.0)}
+    assert not {"0.00", "1.00"} & set(said.values())
+    assert said[0.9999] == "> 0.99"
+    assert said[1e-9] == "< 0.01"
+    assert said[0.5] == "0.50"
