@@ -435,7 +435,7 @@ def expect_minor(package: str, minor: str, error: type[IcmjError]) -> None:
     except PackageNotFoundError:
         found = "none"
     if found.split(".")[:2] != minor.split("."):
-        raise error(f"{package}: icmj needs {minor}, found {found}; run: pip install '{package}=={minor}.*'")
+        raise error(f"icmj needs {package} {minor}, found {found}; pip install '{package}=={minor}.*'")
 
 
 def load_matplotlib_apart() -> None:

@@ -2,9 +2,10 @@
 
 import lazy_loader
 
-from icmj.base.process import expect_minor
+from icmj.base.process import INTERPRETED, expect_minor
 from icmj.errors import ModelError
 
-expect_minor("mujoco", "4.0", ModelError)
+if not INTERPRETED:  # the compiled code knows the structs of this version
+    expect_minor("mujoco", "4.0", ModelError)
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

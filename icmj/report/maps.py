@@ -113,6 +113,8 @@ def draw_curve(axes: Axes, swept: SweepTable, x: str) -> None:
     Raises:
         ReportError: if the column is not there or not of numbers.
     """
+    if x not in swept.table.column_names:
+        raise ReportError(f"sweep {swept.name!r} has no column {x!r}")
     at, crit, sign = swept.numbers(x), swept.numbers("predicted_delta_crit"), swept.numbers("predicted_eigenvalue")
     order = np.argsort(at)
     at, crit, sign = at[order], crit[order], sign[order]
@@ -155,18 +157,29 @@ _OTHERS = "#bbbbbb"
 _SAME = 1e-3  # relative: intervals that are closer than this are of one cycle
 
 
+def choose_plant(swept: SweepTable, asked: str | None, *order: str) -> str:
+    """The plant whose motion is drawn: the one that is asked for, else the first of an order that was simulated.
+
+    Raises:
+        ReportError: if it was not simulated.
+    """
+    there = [plant for plant in ("linear", "mujoco") if f"{plant}_outcome" in swept.table.column_names]
+    found = asked or next((plant for plant in order if plant in there), order[0])
+    if found not in there:
+        also = f"; there is motion on the {there[0]} plant" if there else "; ask for it ([ask] motion)"
+        raise ReportError(f"sweep {swept.name!r} has no motion on the {one_line(found, 40)} plant{also}")
+    return found
+
+
 def draw_validity(axes: Axes, swept: SweepTable, x: str, y: str, plant: str | None = None) -> Any:
     """|relative error of the interval| in colour, contours at 0.1, 1 and 10 %; regions without the cycle are hatched.
-
-    It is of MuJoCo where no plant is named and the sweep simulated it, else of the linear plant.
 
     Returns:
         The coloured mesh, for a colour bar.
     """
     from matplotlib.patches import Patch
 
-    laid = grid(swept, x, y)
-    plant = plant or ("mujoco" if "mujoco_outcome" in swept.table.column_names else "linear")
+    laid, plant = grid(swept, x, y), choose_plant(swept, plant, "mujoco", "linear")
     what = regions(swept, laid, plant)
     error = np.abs(laid.lay(swept.numbers(f"{plant}_error")))
     error[(what != "cycle")] = np.nan
@@ -237,7 +250,7 @@ def _contours(axes: Axes, laid: Grid, size: Array) -> None:
         text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8})
 
 
-def draw_sway(axes: Axes, swept: SweepTable, x: str, y: str, plant: str = "linear") -> Any:
+def draw_sway(axes: Axes, swept: SweepTable, x: str, y: str, plant: str | None = None) -> Any:
     """The first output's standard deviation in colour, hatched where the run falls, the limit of the continuous loop.
 
     Returns:
@@ -246,7 +259,7 @@ def draw_sway(axes: Axes, swept: SweepTable, x: str, y: str, plant: str = "linea
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    laid = grid(swept, x, y)
+    laid, plant = grid(swept, x, y), choose_plant(swept, plant, "linear", "mujoco")
     size, root = laid.lay(swept.numbers(sway_column(swept, plant))), laid.lay(swept.numbers("root_real"))
     fell = np.array([outcome in ("fell", "diverged") for outcome in swept.texts(f"{plant}_outcome")] + [False])[
         laid.row
@@ -302,12 +315,12 @@ def _output(swept: SweepTable) -> str:
     return str(next(names, "the output")).partition("_rms_")[2]
 
 
-def draw_basins(axes: Axes, swept: SweepTable, x: str, y: str, plant: str = "linear") -> None:
+def draw_basins(axes: Axes, swept: SweepTable, x: str, y: str, plant: str | None = None) -> None:
     """Every initial state in the colour of the motion that it leads to; the most frequent come first in the legend."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
-    laid = grid(swept, x, y)
+    laid, plant = grid(swept, x, y), choose_plant(swept, plant, "linear", "mujoco")
     names = motions(swept, plant)
     frequent = [name for name, _ in Counter(name for name in names if name).most_common()]
     shown = frequent[: len(_MOTIONS)]

@@ -207,7 +207,7 @@ def pressure(axes: Axes, *results: Result, axis: str | None = None, legend: bool
 def validity(axes: Axes, swept: SweepTable, x: str, y: str, *, plant: str | None = None, legend: bool = True) -> Axes:
     """Relative error of the predicted interval over columns ``x`` and ``y`` of a sweep; contours: 0.1, 1 and 10 %.
 
-    It is of ``plant``, by default MuJoCo where the sweep simulated it, else the linear plant.
+    By default it is that in MuJoCo, or on the linear plant if there is no other.
     """
     draw_validity(axes, swept, x, y, plant)
     if not legend and (drawn := axes.get_legend()) is not None:
@@ -221,8 +221,11 @@ def critical_interval(axes: Axes, swept: SweepTable, x: str, *, legend: bool = T
     return _legend(axes, legend)
 
 
-def basins(axes: Axes, swept: SweepTable, x: str, y: str, *, plant: str = "linear", legend: bool = True) -> Axes:
-    """The motion that each initial state leads to, over the two columns of initial states of a sweep."""
+def basins(axes: Axes, swept: SweepTable, x: str, y: str, *, plant: str | None = None, legend: bool = True) -> Axes:
+    """The motion that each initial state leads to, over the two columns of initial states of a sweep.
+
+    By default it is that of the linear plant, or in MuJoCo if there is no other.
+    """
     draw_basins(axes, swept, x, y, plant)
     if not legend and (drawn := axes.get_legend()) is not None:
         drawn.remove()

@@ -81,7 +81,9 @@ class _Worker:
         self.index: int | None = None
         self.name = ""
         paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
-        environment = {**one_thread({**os.environ}), "PYTHONPATH": paths, "PYTHONSAFEPATH": "1"}
+        # warnings nobody sees, and where Python was asked to raise them they would end a task
+        ours = {"PYTHONPATH": paths, "PYTHONSAFEPATH": "1", "PYTHONWARNINGS": "ignore"}
+        environment = {**one_thread({**os.environ}), **ours}
         with _hold_signals():
             self.process = Popen(
                 [sys.executable, "-c", _PROGRAM], stdin=PIPE, stdout=PIPE, stderr=DEVNULL, env=environment
@@ -291,7 +293,9 @@ def _hold_signals() -> Iterator[None]:
 
 
 _AHEAD = 2  # tasks for each thread of the cluster: one at work, one that waits
-_ANSWER = 30.0  # s for the scheduler to answer, as long as Dask itself waits, and for the first worker to join it
+_ANSWER = 30.0  # s for the scheduler to answer, as long as Dask itself waits
+_WORKERLESS = 60.0  # s without a worker; a queue of a cluster may take as long to start one
+_GLANCE, _ASK = 0.02, 0.5  # s between two looks at what has come, and between two questions to the scheduler
 _FAREWELL = 2.0  # s for it to hear that it is no longer needed
 
 
@@ -321,6 +325,7 @@ class Cluster:
             queue: Any = as_completed([submit(points) for points in islice(ranges, self._room())])
         while under_way:
             with self._there():
+                self._await(queue)
                 future = next(queue)
                 points = under_way.pop(future.key)
                 computed, why = _outcome(future)
@@ -351,6 +356,25 @@ class Cluster:
         if why:
             raise SweepError(why)
 
+    def _await(self, queue: Any) -> None:
+        """Wait until something of ``queue`` has come, while the scheduler has workers.
+
+        Raises:
+            SweepError: if it has none for so long that no more are expected.
+        """
+        since = asked = time.monotonic()
+        while not queue.has_ready():
+            time.sleep(_GLANCE)
+            if (now := time.monotonic()) < asked + _ASK:
+                continue
+            asked = now
+            if self._client.nthreads():
+                since = now
+            elif now - since > _WORKERLESS:
+                raise SweepError(
+                    f"the scheduler has had no workers for {_WORKERLESS:g} s; start some, as dask worker ADDRESS does"
+                )
+
     def _room(self) -> int:
         return _AHEAD * max(1, sum(self._client.nthreads().values()))
 
@@ -360,7 +384,7 @@ def cluster(address: str, function: Callable[..., Any]) -> Iterator[Cluster]:
     """A cluster by the address of its scheduler, whose workers are to compute by ``function``.
 
     Raises:
-        SweepError: if dask is not installed, no scheduler answers, or it has no worker.
+        SweepError: if dask is not installed, or no scheduler answers.
     """
     try:
         from dask.distributed import Client
@@ -372,13 +396,6 @@ def cluster(address: str, function: Callable[..., Any]) -> Iterator[Cluster]:
         except (OSError, ValueError, TimeoutError) as error:
             raise SweepError(f"--dask {address}: no scheduler answers there ({one_line(error, 200)})") from error
         try:
-            try:
-                client.wait_for_workers(1, timeout=_ANSWER)
-            except TimeoutError as error:
-                raise SweepError(
-                    f"--dask {address}: its scheduler has had no worker for {_ANSWER:g} s; start some first, with: "
-                    f"dask worker {address}"
-                ) from error
             yield Cluster(client, function)
         finally:
             with suppress(Exception):  # the scheduler is gone

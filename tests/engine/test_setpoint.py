@@ -9,7 +9,7 @@ import pytest
 from icmj import ClockTrigger, Continuous, Delay, Settings, Target, load_run, prepare, setpoint
 from icmj.case.case import simulate as run_one
 from icmj.controller.design import NO_DELAY
-from icmj.controller.setpoint import pulse, ramp, sines, step
+from icmj.controller.setpoint import pulse, ramp, sines, step, ternary
 from icmj.engine.run import simulate
 from icmj.linear.run import simulate as simulate_linear
 
@@ -124,3 +124,21 @@ def test_a_crossing_at_the_instant_of_a_step_is_judged_after_it(way, size, root)
         assert events == pytest.approx(found[0], abs=1e-11)
     # later than that, the event is first; adapted steps that end at the edge give it otherwise in the last digits
     assert play(event + 1e-10, size)[1] == pytest.approx(event, abs=1e-11)
+
+
+@pytest.mark.parametrize("kind", ["nothing", "ternary", "step", "ramp", "sines"])
+def test_what_never_moves_in_a_run_changes_nothing_but_is_there(kind: str) -> None:
+    """A ternary sequence that begins at the end or after it has no term at all."""
+    late = {
+        "nothing": np.zeros((0, 5)), "ternary": ternary(0.01, 0.25, 3.0, 2.0), "step": step(0.01, 3.0),
+        "ramp": ramp(0.01, 3.0, 1.0), "sines": sines([0.01], [0.4], [0.0], 3.0),
+    }  # fmt: skip
+    control, plant = engine_cases.controller("pendulum", q_t=0.01), engine_cases.plant("pendulum")
+    settings = Settings(duration=2.0, initial={plant.linearisation.plant.states[0]: 0.02})
+    target = Target({control.design.plant.outputs[0]: 1.0}, late[kind])
+    held = replace(control, setpoint=setpoint(control.design.plant, [target]))
+    with_it, without = (simulate(plant, each, settings) for each in (held, control))
+    assert len(with_it.events) == len(without.events) > 2
+    np.testing.assert_allclose(with_it.events.t, without.events.t, rtol=1e-6)
+    assert not with_it.r.any()
+    assert with_it.r.shape == (len(with_it.t), 1)

@@ -1,5 +1,6 @@
 """The replay: pictures of real logs, a page on the loopback address only, salvage, and clear refusals."""
 
+import io
 import os
 import re
 import signal
@@ -21,7 +22,7 @@ from patience import PATIENCE
 from icmj import Settings, write_log
 from icmj.engine.run import simulate
 from icmj.errors import LogError
-from icmj.log.reader import _await_port, _base, _free_port, _running, replay
+from icmj.log.reader import _await_port, _base, _free_port, _reason, _running, replay
 
 SIZE = (1280, 800)
 
@@ -162,6 +163,15 @@ def test_a_missing_renderer_is_named(logs: dict[str, Path], tmp_path: Path, monk
     with pytest.raises(LogError, match=r"mesa-vulkan-drivers libvulkan1"):
         replay(logs["pendulum"], screenshot=tmp_path / "x.png", size=SIZE)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("words", [
+    "Error: winit EventLoopError: no suitable adapter found", "failed to create a Vulkan instance",
+    "thread 'main' panicked at 'Failed to get render context'\nre_viewer/src/app/mod.rs:1425\nReport bugs: there",
+])  # fmt: skip
+def test_whatever_the_viewer_says_of_a_missing_renderer_it_is_named(words: str) -> None:
+    messages = io.BytesIO(words.encode())
+    assert "mesa-vulkan-drivers libvulkan1" in _reason(messages)
 
 
 SERVE = "import sys; from icmj.log.reader import replay; replay(sys.argv[1], web=True)"

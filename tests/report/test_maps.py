@@ -119,3 +119,24 @@ def test_a_report_of_sweeps_alone_has_their_pictures_and_says_how_they_went(tmp_
     }
     with pytest.raises(ReportError):
         build_report([], tmp_path / "report.html")
+
+
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_maps_are_of_the_plant_that_was_simulated(plant: str) -> None:
+    """A sweep of the linear plant alone was a KeyError."""
+    table = swept(mujoco_p=[1] * 189, mujoco_mirrored=[False] * 189, mujoco_interval=[1.0] * 189).table
+    names = [name.replace("mujoco", plant) for name in table.column_names]
+    alone = SweepTable("map", "A map", (("b", ""), ("q_t", "")), 189, table.rename_columns(names))
+    other = {"linear": "mujoco", "mujoco": "linear"}[plant]
+    for draw in (plots.validity, plots.basins):
+        drawn = axes()
+        draw(drawn, alone, "b", "q_t")
+        assert drawn.collections
+        draw(axes(), alone, "b", "q_t", plant=plant)
+        with pytest.raises(ReportError, match=f"no motion on the {other} plant; there is motion on the {plant} plant"):
+            draw(axes(), alone, "b", "q_t", plant=other)
+
+
+def test_a_column_that_is_not_there_is_named() -> None:
+    with pytest.raises(ReportError, match="'map' has no column 'delta'; there are b, q_t, status"):
+        swept().numbers("delta")

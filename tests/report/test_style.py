@@ -61,6 +61,18 @@ def test_settings_come_back():
     assert dict(matplotlib.rcParams) == before
 
 
+def test_no_setting_of_somebody_else_reaches_a_figure_of_the_report():
+    """Text by LaTeX, which a matplotlibrc may ask for, ended the report where there is none."""
+    with style.apply():
+        usual = dict(matplotlib.rcParams)
+    with matplotlib.rc_context(
+        {"text.usetex": True, "axes.grid": True, "figure.autolayout": True, "lines.marker": "o"}
+    ):
+        with style.apply():
+            assert dict(matplotlib.rcParams) == usual
+        assert matplotlib.rcParams["text.usetex"]
+
+
 def test_axes_keep_their_margins():
     for rows in (1, 2, 3):
         figure, axes = style.new_figure(style.TALL, rows)

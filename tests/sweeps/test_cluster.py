@@ -124,6 +124,23 @@ def test_a_worker_killed_midway_loses_nothing(tmp_path: Path, cluster: tuple[str
     assert contents(tmp_path / "out") == computed(plan)
 
 
+@pytest.mark.slow
+def test_a_scheduler_without_workers_is_told_so(
+    tmp_path: Path, cluster: tuple[str, list[subprocess.Popen[str]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From the beginning, or once they are gone: it waited without end, and without a word."""
+    from icmj.work import workers
+
+    monkeypatch.setattr(workers, "_WORKERLESS", 1.0)
+    address, running = cluster
+    for worker in running:
+        worker.terminate()
+        worker.wait()
+    plan = make_plan(sweep_file(tmp_path, GRID.format(count=2)))
+    with pytest.raises(SweepError, match="the scheduler has had no workers for 1 s; start some"):
+        carry_out(plan, tmp_path / "out", dask=address)
+
+
 def test_no_scheduler_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from icmj.work import workers
 
