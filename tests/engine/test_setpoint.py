@@ -138,7 +138,7 @@ def test_what_never_moves_in_a_run_changes_nothing_but_is_there(kind: str) -> No
     target = Target({control.design.plant.outputs[0]: 1.0}, late[kind])
     held = replace(control, setpoint=setpoint(control.design.plant, [target]))
     with_it, without = (simulate(plant, each, settings) for each in (held, control))
-    assert len(with_it.events) == len(without.events) > 2
+    assert len(with_it.events) == len(without.events) >= 2
     np.testing.assert_allclose(with_it.events.t, without.events.t, rtol=1e-6)
     assert not with_it.r.any()
     assert with_it.r.shape == (len(with_it.t), 1)

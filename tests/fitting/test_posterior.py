@@ -222,3 +222,15 @@ def test_a_missing_library_is_one_line_that_names_the_extra(monkeypatch: pytest.
     z, S = people(200, 1)
     with pytest.raises(FitError, match=r"needs bayesflow .*pip install 'icmj\[fit\]'"):
         train_posterior(z, S, NAMES, SUMMARIES)
+
+
+def test_what_is_identified_of_most_is_not_of_one_whose_posterior_is_as_wide_as_the_prior() -> None:
+    """Of z with the variance 1, read with noise of the variance v, the posterior has the variance v/(1 + v)."""
+    random, v = np.random.default_rng(5), 0.25
+    z = random.normal(size=(400, 1))
+    mean = (z + np.sqrt(v) * random.normal(size=z.shape)) / (1 + v)
+    drawn = mean[:, None] + np.sqrt(v / (1 + v)) * random.normal(size=(400, 199, 1))
+    found = calibrate(z, drawn, ("P",))
+    assert found.verdicts == ("identified",)
+    assert found.judge(np.array([0.35])) == ("not identified",)
+    assert found.judge(1 - drawn[0].var(axis=0)) == ("identified",)
