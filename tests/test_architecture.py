@@ -213,11 +213,6 @@ def test_what_goes_on_where_it_ended_does_so_in_one_way() -> None:
     assert found == {"icmj.base.files", "icmj.work.folder"}
 
 
-def test_a_module_is_one_concept_and_whole() -> None:
-    for path in MODULES:
-        assert len(path.read_text(encoding="utf-8").splitlines()) <= 600, name_of(path)
-
-
 def test_nobody_asks_which_family_a_controller_is_of() -> None:
     """What it has is asked for, a prediction, a trigger, taps or modes; a Law is what every controller is."""
     asked = re.compile(

@@ -349,7 +349,7 @@ _TRY = """
 import sys
 import pyarrow.parquet as pq
 for index, path in enumerate(sys.argv[1:]):
-    print(index, file=sys.stderr, flush=True)
+    sys.stderr.write(f"{index}\\n")
     try:
         with pq.ParquetFile(path, pre_buffer=False) as file:
             for _ in file.iter_batches(4096, use_threads=False):

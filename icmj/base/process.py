@@ -35,8 +35,6 @@ from threading import Lock
 from types import FrameType
 from typing import Any
 
-from icmj.errors import IcmjError
-
 LEAST_ROOM = 1 << 30  # bytes
 _ARENAS = -8  # M_ARENA_MAX of the GNU C library
 INTERPRETED = any(os.environ.get(name, "") not in ("", "0") for name in ("ICMJ_INTERPRETED", "NUMBA_DISABLE_JIT"))
@@ -420,22 +418,6 @@ def run_bounded(
         check=False,
         env={**os.environ, **(environment or {})},
     )
-
-
-def expect_minor(package: str, minor: str, error: type[IcmjError]) -> None:
-    """See that the installed version of a package is of the minor version that icmj is tested with, such as ``4.0``.
-
-    Raises:
-        IcmjError: of the class ``error``, if it is another, or the package is missing.
-    """
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        found = version(package)
-    except PackageNotFoundError:
-        found = "none"
-    if found.split(".")[:2] != minor.split("."):
-        raise error(f"icmj needs {package} {minor}, found {found}; pip install '{package}=={minor}.*'")
 
 
 def load_matplotlib_apart() -> None:

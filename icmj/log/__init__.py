@@ -22,8 +22,8 @@ Series of a group are the columns of one entity, named by its static ``SeriesLin
 
 import lazy_loader
 
-from icmj.base.process import expect_minor
 from icmj.errors import LogError
+from icmj.work.folder import expect_minor
 
 expect_minor("rerun-sdk", "0.41", LogError)
 

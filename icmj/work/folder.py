@@ -69,6 +69,17 @@ def _version(package: str) -> str:
     return stated[0] if stated else found.version
 
 
+def expect_minor(package: str, minor: str, error: type[IcmjError]) -> None:
+    """See that the installed version of a package is of the minor version that icmj is tested with, such as ``4.0``.
+
+    Raises:
+        IcmjError: of the class ``error``, if it is another, or the package is missing.
+    """
+    found = _version(package)
+    if found.split(".")[:2] != minor.split("."):
+        raise error(f"icmj needs {package} {minor}, found {found}; pip install '{package}=={minor}.*'")
+
+
 def find_commit(folder: Path) -> str:
     """The commit that is checked out around ``folder``; ``no checkout`` where there is none, ``unknown`` if unreadable.
 

@@ -2,15 +2,14 @@
 
 import shutil
 from pathlib import Path
-from typing import get_args
+from typing import get_args, get_type_hints
 
 import pytest
 from report_cases import result
 from terminal_cases import Shell
 
 from icmj import write_log
-from icmj.cli.arguments import RESULTS, Command, Target, _target
-from icmj.cli.main import _classes
+from icmj.cli.arguments import COMMANDS, RESULTS, Given
 from icmj.errors import LogError
 from icmj.log.branch import ENTITY
 from icmj.log.reader import find_log, find_logs
@@ -72,7 +71,7 @@ def test_one_log_of_a_case_is_that_in_mujoco_and_of_a_folder_none(results: Path)
 
 
 def test_every_command_that_takes_logs_asks_the_same(shell: Shell) -> None:
-    about = {name for name, of in _classes().items() if "folder of logs" in _help(of) or "folders of logs" in _help(of)}
+    about = {name for name, of in COMMANDS.items() if "folder of logs" in _help(of) or "folders of logs" in _help(of)}
     assert about == TAKE_LOGS.keys()
     Path("empty").mkdir()
     for command, more in TAKE_LOGS.items():
@@ -108,32 +107,33 @@ def test_each_log_of_a_case_is_exported_beside_itself(results: Path, shell: Shel
 
 WRITES = [
     (name, option, target)
-    for name, cls in _classes().items()
-    for option, hint in cls.__annotations__.items()
-    if (target := _target(hint)) is not None
+    for name, cls in COMMANDS.items()
+    for option, hint in get_type_hints(cls, include_extras=True).items()
+    for target in [given.writes for given in get_args(hint) if isinstance(given, Given)]
+    if target is not None
 ]
 
 
 def test_every_command_says_what_its_out_is() -> None:
     """A folder or a file, which help shows as such."""
     assert {name for name, option, _ in WRITES if option == "out"} == {
-        name for name, cls in _classes().items() if "out" in cls.__annotations__
+        name for name, cls in COMMANDS.items() if "out" in cls.__annotations__
     }
-    assert len(get_args(Command)) > len(WRITES) > 12
+    assert len(COMMANDS) > len(WRITES) > 12
 
 
 @pytest.mark.parametrize(("command", "option", "target"), WRITES)
 def test_a_name_that_looks_like_the_other_kind_is_asked_about(
-    command: str, option: str, target: Target, shell: Shell
+    command: str, option: str, target: tuple[str, ...], shell: Shell
 ) -> None:
     needed = {
         "new": ["pendulum"], "fit": ["x.csv", "--model", "event"], "continue": ["x", "--parameter", "b", "--to", "1"],
         "schema": [], "study": [], "person": ["three_link"], "linearise": ["pendulum"], "export": ["b0.8.linear"],
     }.get(command, ["simple-0.8"])  # fmt: skip
     Path("there.d").mkdir()
-    for name in ("page", "there.d") if target.suffixes else ("here.rrd", "here.html", "here.csv"):
+    for name in ("page", "there.d") if target else ("here.rrd", "here.html", "here.csv"):
         said = shell.refuses([command, *needed, f"--{option}", name])
-        assert f"--{option} {name}: looks like a {'folder' if target.suffixes else 'file'}" in said
+        assert f"--{option} {name}: looks like a {'folder' if target else 'file'}" in said
         assert "give one, such as " in said
     assert {path.name for path in Path().iterdir()} == {"runs", "there.d"}
 

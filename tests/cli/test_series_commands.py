@@ -82,14 +82,14 @@ FILES = {
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
-    (["export"], "missing PATH"),
+    (["export"], "the following arguments are required: PATH"),
     (["export", "none.rrd"], "none.rrd: no such log"),
     (["export", "LOG", "--rate", "0"], "a rate must be positive"),
     (["export", "LOG", "--rate", "1e12"], "expected at most"),
     (["export", "LOG", "--to", "npz", "--out", "run.csv"], "ends in .npz, as --to says"),
     (["export", "LOG", "--out", "run.xlsx"], "ends in .csv, .parquet, .npz"),
     (["export", "LOG", "--to", "xlsx"], "--to"),
-    (["measure"], "missing PATH"),
+    (["measure"], "the following arguments are required: PATH"),
     (["measure", "none.csv"], "none.csv: cannot be read (No such file"),
     (["measure", "none.rrd"], "none.rrd: no such log"),
     (["measure", "gap.csv"], "gap.csv: a gap of 1 s after 3 s"),

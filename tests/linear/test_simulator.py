@@ -135,7 +135,7 @@ def test_a_delayed_event_on_a_recording_instant_shifts_no_row():
     assert run.events.t[0] == pytest.approx(30 * 0.01, abs=1e-12)  # a row of the grid, long before its action
     # events and actions have rows of their own between those of the grid
     grid = 0.01 * np.arange(101)
-    own = np.concatenate([run.events.t, run.events.t + 0.1234])
+    own = np.concatenate([run.events.t, run.events.t + 0.1234, [0.1234]])  # a run begins with an event
     near = np.abs(run.t[:, None] - np.concatenate([grid, own])).min(axis=1)
     assert near.max() < 1e-12
     np.testing.assert_allclose(run.t[np.abs(run.t[:, None] - grid).min(axis=1) < 1e-12], grid, atol=1e-12)
