@@ -116,14 +116,12 @@ class RecordedLaw(Law):
         return {"controller": self.reference, **self.parameters}
 
 
-def expect_law(law: object, plant: LinearPlant) -> Law:
+def expect_law(law: Law, plant: LinearPlant) -> Law:
     """See that a controller of the user's own is one for this assumed plant; all that is asked of it is asked once.
 
     Raises:
-        AnalysisError: if it is no law, has no realisation, or one of other inputs and outputs than the plant's.
+        AnalysisError: if it has no realisation, or one of other inputs and outputs than the plant's.
     """
-    if not isinstance(law, Law):
-        raise AnalysisError(f"a {type(law).__name__}; expected an icmj.Law")
     asked = {"realisation": (law.realisation, Realisation), "plant": (law.plant, LinearPlant), "kind": (law.kind, str),
              "facts()": (law.facts(), Mapping)}  # fmt: skip
     for name, (found, kind) in asked.items():

@@ -30,9 +30,7 @@ from icmj.series.series import evenly
 from icmj.simulation.simulation import Simulation
 
 SEGMENTS = 4  # lengths of a segment in the signal; they overlap by half
-# correlation of the powers of two Hann windows that overlap by half (Welch 1967); at line 0, of windows without their
-# means, which are half a cosine each: (−1/2)²
-_SHARED, _SHARED_AT_ZERO = 1 / 36, 1 / 4
+_SHARED = 1 / 36  # correlation of the powers of two Hann windows that overlap by half (Welch 1967)
 _STILL = 1e-12  # of its largest value: a signal that changes by less is constant but for rounding
 
 
@@ -68,18 +66,32 @@ def spectrum(t: Array, values: Array, segments: int = SEGMENTS) -> Spectrum:
     smooth, step = level_still(smooth), float(even[-1] - even[0]) / (len(even) - 1)
     length = max(len(even) // segments, 2)
     parts = cut_windows(smooth - smooth[0], length)
-    frequency, power = (
-        np.asarray(np.fft.rfftfreq(length, step), float),
-        (np.abs(np.fft.rfft(parts, axis=1)) ** 2).mean(axis=0),
-    )
+    frequency = np.asarray(np.fft.rfftfreq(length, step), float)
+    power = (np.abs(np.fft.rfft(parts, axis=1)) ** 2).mean(axis=0)
     alone = np.zeros(len(frequency), dtype=bool)  # lines without a partner at −f, which are real
     alone[0], alone[-1] = True, length % 2 == 0
     power *= np.where(alone, 1.0, 2.0)[:, None] * step / (hann(length) ** 2).sum()
-    count, shared = len(parts), np.full(len(frequency), _SHARED)
-    shared[0] = _SHARED_AT_ZERO
-    degrees = np.where(alone, 1, 2) * count / (1 + 2 * shared * (count - 1) / count)
+    degrees = _degrees_of_freedom(len(frequency), length, len(parts))
     low, high = (power * (degrees / chdtri(degrees, p))[:, None] for p in (0.025, 0.975))
     return Spectrum(frequency, power, low, high)
+
+
+def _degrees_of_freedom(lines: int, length: int, count: int) -> Array:
+    """Degrees of freedom of the mean power of ``count`` windows of white noise that overlap by half, shape (lines,).
+
+    A line is X_j = Σ v(t) e(t) in window j, with the covariances c_jl = E X_j X̄_l and p_jl = E X_j X_l. The variance of
+    Σ|X_j|² is Σ|c_jl|² + |p_jl|², and the degrees of freedom are those of a χ² with the same mean and variance. Far
+    from both ends p is 0; next to them Hann's window mixes a line with its partner at −f, and the mean that was
+    subtracted is missing.
+    """
+    degrees = np.full(lines, 2 * count / (1 + 2 * _SHARED * (count - 1) / count))
+    t, lag = np.arange(length), length // 2
+    for line in {0, 1, lines - 2, lines - 1} & set(range(lines)):
+        v = hann(length) * np.exp(-2j * np.pi * line * t / length)
+        v -= v.mean()
+        c, p = (np.abs(np.array([v @ w, v[lag:] @ w[: length - lag]])) ** 2 for w in (v.conj(), v))
+        degrees[line] = 2 * count / (1 + p[0] / c[0] + 2 * (count - 1) / count * (c[1] + p[1]) / c[0])
+    return degrees
 
 
 def hann(length: int) -> Array:

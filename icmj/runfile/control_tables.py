@@ -351,6 +351,8 @@ class OwnController(ControllerTable):
     def law(self, parts: Parts) -> Law:
         given = pick_accepted(parts.code.find(self.kind), {"delay": parts.delay.t_d})
         made = parts.code.make(self.kind, parts.assumed, **{**given, **self.parameters})
+        if not isinstance(made, Law):
+            raise RunFileError(f"controller.kind: {self.kind} makes a {type(made).__name__}; expected an icmj.Law")
         with guard(self.kind):
             return expect_law(made, parts.assumed)
 
