@@ -31,7 +31,6 @@ from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 from icmj.base import VERSION
-from icmj.base.array import FATAL, find_fatal
 from icmj.base.files import LOCK, clear_leftovers, lock, open_file, read_bytes, ready, regular, whole
 from icmj.base.text import one_line, parse_json
 from icmj.errors import IcmjError
@@ -204,6 +203,8 @@ class Folder:
         Raises:
             IcmjError: of the class of this folder, if one does.
         """
+        from icmj.base.array import FATAL, find_fatal  # numpy, which a folder does not need
+
         if (fatal := find_fatal(paths)) is not None:
             raise self._error(f"{fatal}: cannot be read ({FATAL}); remove it, and it is {self._again} again")
 
