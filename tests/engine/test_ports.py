@@ -223,7 +223,8 @@ def test_an_actuator_of_several_controls_is_refused_in_one_line(tmp_path, name, 
         'case = { name = "a", title = "A" }\n[assumed]\nmodel = "model.xml"\n[assumed.activation]\norder = 1\n'
         "time_constant = 0.1\n[controller]\nq_t = 0.01\n"
     )
-    for command in (["linearise", str(path)], ["analyse", str(run)], ["new", str(path), "--out", str(tmp_path / "n.toml")]):
+    new = ["new", str(path), "--out", str(tmp_path / "n.toml")]
+    for command in (["linearise", str(path)], ["analyse", str(run)], new):
         assert main(command) in (1, 2)
         said = capsys.readouterr().err
         assert words in said
