@@ -64,9 +64,9 @@ def refuse_other_kind(command: object) -> None:
         if not given.writes and is_file_name(path) and not path.is_dir():
             raise IcmjError(f"{option}: looks like a file, and a folder is meant; give one, such as {path.stem}")
         if given.writes and (path.is_dir() or not (path.suffix or path.exists())):
-            at = path / name if path.is_dir() else path
+            at, is_folder = (path / name, "a folder is there") if path.is_dir() else (path, "looks like a folder")
             such = " or ".join(f"{at}{suffix}" for suffix in given.writes)
-            raise IcmjError(f"{option}: looks like a folder, and a file is meant; give one, such as {such}")
+            raise IcmjError(f"{option}: {is_folder}, and a file is meant; give one, such as {such}")
 
 
 @dataclass(frozen=True, kw_only=True)
