@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, TypeGuard, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -185,6 +185,21 @@ def expect_known(run: RunFile, duration: float, end: float, setpoints: Sequence[
 PlantKind = Literal["linear", "mujoco"]
 
 
+@dataclass(frozen=True, eq=False)
+class Theory:
+    """What the linear theory makes of a controller with an event rule, on the actual plant.
+
+    Attributes:
+        rule: the event rule.
+        system: error system of the actual plant under the controller.
+        prediction: results of the theory for the rule.
+    """
+
+    rule: EventRule
+    system: ErrorSystem
+    prediction: Prediction
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Case(WithCard):
     """The plants, the controller and the prediction that a run file defines.
@@ -194,9 +209,7 @@ class Case(WithCard):
         assumed, actual: the plants, each with its linearisation: MuJoCo models, or plants given by matrices.
         controller: the controller for the assumed plant, with its delay and set-point.
         settings: settings of its runs.
-        rule: the event rule, which is the controller's trigger; ``None`` for a controller that has none.
-        system: error system of the actual plant under an event rule; otherwise ``None``.
-        prediction: results of the linear theory for the event rule; otherwise ``None``.
+        theory: event rule, error system and prediction; ``None`` for a controller that has no event rule.
         told: notices about its plants.
     """
 
@@ -205,10 +218,23 @@ class Case(WithCard):
     actual: AnyPlant
     controller: Law
     settings: Settings
-    rule: EventRule | None = None
-    system: ErrorSystem | None = None
-    prediction: Prediction | None = None
+    theory: Theory | None = None
     told: tuple[Notice, ...] = ()
+
+    @property
+    def rule(self) -> EventRule | None:
+        """The event rule of :attr:`theory`."""
+        return None if self.theory is None else self.theory.rule
+
+    @property
+    def system(self) -> ErrorSystem | None:
+        """The error system of :attr:`theory`."""
+        return None if self.theory is None else self.theory.system
+
+    @property
+    def prediction(self) -> Prediction | None:
+        """The prediction of :attr:`theory`."""
+        return None if self.theory is None else self.theory.prediction
 
     @cached_property
     def notices(self) -> tuple[Notice, ...]:
@@ -270,37 +296,28 @@ class Case(WithCard):
 if TYPE_CHECKING:
     from icmj.engine.open_loop import Stepping
 
-    @dataclass(frozen=True, eq=False, repr=False)
-    class PredictedCase(Case):
-        """A case as type checkers see it once :func:`expect_prediction` has found that it has a prediction."""
 
-        controller: Controller
-        settings: Settings
-        rule: EventRule
-        system: ErrorSystem
-        prediction: Prediction
-
-
-def has_prediction(case: Case) -> TypeGuard[PredictedCase]:
-    """Whether a case has an event rule, an error system and a prediction."""
-    return case.prediction is not None
-
-
-def expect_prediction(case: Case, what: str) -> PredictedCase:
-    """The case, if it has an event rule and a prediction; ``what`` needs them begins the message.
+def expect_theory(case: Case, what: str) -> Theory:
+    """The theory of a case; ``what`` needs it begins the message.
 
     Raises:
         AnalysisError: if it is no case.
         RunFileError: if its controller has no event rule.
     """
     expect(case, Case, what)
-    if not has_prediction(case):
+    if case.theory is None:
         raise RunFileError(
             f"{case.run.path}: {what} needs an event rule, and the controller is of kind {case.run.controller.kind!r}, "
             "which has no event rule and no critical interval; icmj analyse prints the roots of its loop, icmj run and "
             "icmj study simulate it"
         )
-    return case
+    return case.theory
+
+
+def expect_rule(case: Case, what: str) -> Controller:
+    """The controller of a case that has an event rule; raises as :func:`expect_theory`."""
+    expect_theory(case, what)
+    return cast(Controller, case.controller)
 
 
 @limit_to_one_thread()
@@ -337,7 +354,8 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
             actual.linearisation.plant, design, controller.hold, delay=controller.delay, match="position"
         )
         prediction = predict(system, rule, delta_max=run.analysis.delta_max, progress=progress)
-        return Case(run, assumed, actual, controller, settings, rule, system, prediction, notices)
+        theory = Theory(rule, system, prediction)
+        return Case(run, assumed, actual, controller, settings, theory, notices)
     except IcmjError as error:
         reasons = [notice.words for notice in notices if notice.kind in DESIGN_FAILS]
         why = "".join(f"; {words}" for words in reasons) if isinstance(error, DesignError) else ""
@@ -360,26 +378,22 @@ def revise(case: Case, run: RunFile) -> Case:
     run = run.drawn()
     if not run.has_events:
         return prepare(run, like=case)
-    case = expect_prediction(case, "a case with an event rule")
+    law = expect_rule(case, what := "a case with an event rule")
+    theory = expect_theory(case, what)
     same = all(getattr(run, table) == getattr(known, table) for table in ("assumed", "actual", "design", "analysis"))
     control = run.intermittent.model_copy(update={"q_t": known.intermittent.q_t})
     if not same or control != known.controller or run.path.parent != known.path.parent:
         raise RunFileError(f"{run.path}: has other plants, design or rule than {known.path}; prepare it anew")
     check_names(run, case.assumed.linearisation.plant, case.actual)
-    rule = run.intermittent.trigger(case.controller.design, run.code)
+    rule = run.intermittent.trigger(theory.system.design, run.code)
     with prefix_errors(run.path):
         followed = setpoint_of(run, case.controller.plant)
-    prediction = case.prediction
-    if rule.size != case.rule.size:
-        prediction = scaled(prediction, rule.size / case.rule.size)
-    return replace(
-        case,
-        run=run,
-        controller=replace(case.controller.triggered_by(rule), setpoint=followed),
-        rule=rule,
-        settings=run.simulation.settings(),
-        prediction=prediction,
-    )
+    prediction = theory.prediction
+    if rule.size != theory.rule.size:
+        prediction = scaled(prediction, rule.size / theory.rule.size)
+    controller = replace(law.triggered_by(rule), setpoint=followed)
+    theory = Theory(rule, theory.system, prediction)
+    return replace(case, run=run, controller=controller, settings=run.simulation.settings(), theory=theory)
 
 
 def simulate(
@@ -491,7 +505,7 @@ def open_loop(
         AnalysisError: if it is no case.
         RunFileError: if it has no events from which an interval could begin.
     """
-    expect_prediction(case, "open_loop")
+    expect_theory(case, "open_loop")
     there, controller, settings = _parts(case, plant, trigger, duration, refinement)
     assert has_trigger(controller)
     if plant == "linear":
@@ -514,7 +528,7 @@ def _parts(
         settings = replace(settings, duration=duration)
     controller = case.controller
     if trigger is not None:
-        controller = expect_prediction(case, "another trigger").controller.triggered_by(trigger)
+        controller = expect_rule(case, "another trigger").triggered_by(trigger)
     if refinement != 1.0 and plant == "mujoco":
         from icmj.engine.open_loop import refine
 

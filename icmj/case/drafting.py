@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from icmj.case.case import expect_prediction, prepare
+from icmj.case.case import Case, expect_theory, prepare
 from icmj.engine.plant import Inventory, MujocoPlant, inventory, load_plant
 from icmj.errors import IcmjError, ModelError
 from icmj.plant.body import OperatingKind, OperatingRule, Selection
@@ -31,7 +31,7 @@ from icmj.runfile.table import TomlTable
 from icmj.work.own_code import SHIPPED
 
 if TYPE_CHECKING:
-    from icmj.case.case import PredictedCase
+    pass
 
 START = 0.02  # [rad or m]: small, and enough to see
 _COLUMN, _MOST, _WIDTH = 32, 12, 110
@@ -217,7 +217,7 @@ class FirstRunFile:
     """
 
     text: str
-    case: PredictedCase | None
+    case: Case | None
     trouble: str
 
 
@@ -250,7 +250,8 @@ def draft_run(model: Path, out: Path, keyframe: str | None = None) -> FirstRunFi
         draft = Draft(model, out, there, keyed, rule, plant.linearisation.plant, outputs, drop, *weights(plant))
         text = draft_text(draft)
         try:
-            return FirstRunFile(text, expect_prediction(prepare(parse_run(text, out)), "a first run file"), "")
+            expect_theory(case := prepare(parse_run(text, out)), "a first run file")
+            return FirstRunFile(text, case, "")
         except IcmjError as error:
             best = best or FirstRunFile(text, None, str(error).removeprefix(f"{out}: "))
     return best or FirstRunFile(draft_text(nothing), None, trouble)

@@ -15,17 +15,18 @@ from icmj.cli.terminal import ERR, OUT, Column, Working, show_table
 
 if TYPE_CHECKING:
     from icmj.base.array import Array
-    from icmj.case.case import Case, PredictedCase
+    from icmj.case.case import Case
     from icmj.cycle.branch import Branch
     from icmj.cycle.cycle import Cycle
     from icmj.cycle.return_map import PlantKind
     from icmj.simulation.simulation import Simulation
+    from icmj.theory.prediction import Prediction
 
 
 @execute.register
 def cycle(command: arguments.Cycle) -> None:
     """Find the cycle of one case and print it beside the prediction."""
-    from icmj.case.case import has_prediction, prepare
+    from icmj.case.case import prepare
     from icmj.cli.printing import show_cycle
     from icmj.cycle.cycle import find_cycle
     from icmj.cycle.switched import has_exact_cycle
@@ -37,7 +38,7 @@ def cycle(command: arguments.Cycle) -> None:
     plant = command.plant or plants_of(run)[-1]
     with Working(f"cycle of {run.case.name}", ERR):
         case = prepare(run)
-    if not has_prediction(case):
+    if (theory := case.theory) is None:
         if plant == "linear" and has_exact_cycle(case.controller):
             show_cycle(case, command.json)
         else:
@@ -48,9 +49,9 @@ def cycle(command: arguments.Cycle) -> None:
             case, plant, start=command.start, progress=lambda done: working.tell(f"cycle of {run.case.name}", done)
         )
     if command.json:
-        OUT.show(plain_cycle(found, case))
+        OUT.show(plain_cycle(found, case, theory.prediction))
         return
-    _show(found, case)
+    _show(found, case, theory.prediction)
     for notice in case.notices:
         if not (command.set and notice.kind == "paper"):
             OUT.note(notice)
@@ -202,7 +203,7 @@ def _show_branch(branch: Branch) -> None:
         OUT.say(f"The branch {branch.end}.")
 
 
-def plain_cycle(found: Cycle, case: PredictedCase) -> dict[str, Any]:
+def plain_cycle(found: Cycle, case: Case, prediction: Prediction) -> dict[str, Any]:
     """What ``icmj cycle --json`` prints."""
     assumed, actual = case.assumed.linearisation.plant, case.actual.linearisation.plant
     return plain(
@@ -226,17 +227,17 @@ def plain_cycle(found: Cycle, case: PredictedCase) -> dict[str, Any]:
             "interval_error": found.interval_error,
             "words": found.words,
             "prediction": {
-                "delta_crit": case.prediction.delta_crit,
-                "period": case.prediction.period,
-                "verdict": case.prediction.verdict,
-                "multipliers": case.prediction.multipliers,
+                "delta_crit": prediction.delta_crit,
+                "period": prediction.period,
+                "verdict": prediction.verdict,
+                "multipliers": prediction.multipliers,
             },
         }
     )
 
 
-def _show(found: Cycle, case: PredictedCase) -> None:
-    plant, prediction = case.actual.linearisation.plant, case.prediction
+def _show(found: Cycle, case: Case, prediction: Prediction) -> None:
+    plant = case.actual.linearisation.plant
     orbit = prediction.orbit
     rows: list[tuple[str, str, str]] = []
     many = len(found.intervals) > 1

@@ -227,10 +227,10 @@ def _describe_draft(draft: FirstRunFile) -> list[str]:
     """Lines on what the drafted run file contains and what the theory predicts for it."""
     from icmj.cli.printing import standing_in_words
 
-    if draft.case is None:
+    if draft.case is None or draft.case.theory is None:
         return [f"note: it does not run as written; {one_line(draft.trouble)}"]
     case = draft.case
-    plant, prediction, table = case.actual.linearisation.plant, case.prediction, case.run.assumed
+    plant, prediction, table = case.actual.linearisation.plant, draft.case.theory.prediction, case.run.assumed
     where = f"keyframe {table.keyframe}" if table.keyframe else "its reference configuration"
     how = {"static control": ", held there by its controls", "balance": ", moved to where it balances"}
     lines = [

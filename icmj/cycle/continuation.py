@@ -21,7 +21,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.process import limit_to_one_thread
-from icmj.case.case import expect_prediction, prepare
+from icmj.case.case import Theory, expect_theory, prepare
 from icmj.cycle.branch import Branch, SpecialPoint
 from icmj.cycle.curve import (
     CLOSED,
@@ -59,11 +59,11 @@ from icmj.cycle.specials import (
     touching,
     value_of,
 )
-from icmj.errors import CycleError
+from icmj.errors import CycleError, prefix_errors
 from icmj.runfile.schema import RunFile
 
 if TYPE_CHECKING:
-    from icmj.case.case import PredictedCase
+    pass
 
 _SPARSE = 4  # points from one derivative to the next, at most
 _TRUE, _FALSE = 1e-4, 1e-3  # relative errors of an extrapolated derivative for the next to be further, or nearer; an
@@ -388,9 +388,10 @@ def follow(
     if isinstance(start, Guess):
         family, guess = Family(run, of, plant), start
     else:
-        case = expect_prediction(prepare(run), "a branch of cycles")
+        theory = expect_theory(case := prepare(run), "a branch of cycles")
         family = Family(run, of, plant, case)
-        guess = _guess(case, family.at(first), start)
+        with prefix_errors(run.path):
+            guess = _guess(theory, family.at(first), start)
     curve = Curve(family, over, guess.p, guess.sign, guess.scale, _size(family, over.start))
     curve.longest = LONGEST * guess.longest
     loop = curve.loop(0.0)
@@ -481,11 +482,11 @@ def _known_tangent(curve: Curve, branch: Branch, special: SpecialPoint) -> Array
     return np.asarray(ends[1] - ends[0])
 
 
-def _guess(case: PredictedCase, loop: ReturnMap, start: Start) -> Guess:
-    orbit = case.prediction.orbit
+def _guess(theory: Theory, loop: ReturnMap, start: Start) -> Guess:
+    orbit = theory.prediction.orbit
     if start == "prediction" or (start == "auto" and orbit is not None and np.isfinite(orbit.gamma)):
-        return from_prediction(case, loop, case.rule.size)
-    return from_simulation(loop, case.system.T_hat)
+        return from_prediction(theory, loop, theory.rule.size)
+    return from_simulation(loop, theory.system.T_hat)
 
 
 def _size(family: Family, value: float) -> float:

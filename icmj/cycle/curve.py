@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array, falling
-from icmj.case.case import Case, expect_prediction
+from icmj.case.case import Case, expect_theory
 from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant, make_design, parts_of
 from icmj.cycle.cycle import extent
 from icmj.cycle.return_map import LostInterval, PlantKind, ReturnMap, Turn, courses_of, fast_jacobian
@@ -151,7 +151,7 @@ class Family:
             self._known = {
                 "assumed": (self._bare(run), like.assumed),
                 "actual": (self._bodies(run), like.actual),
-                "design": ((self._bare(run), run.design), expect_prediction(like, "a branch").controller.design),
+                "design": ((self._bare(run), run.design), expect_theory(like, "a branch").system.design),
             }
 
     def at(self, value: float, longest: float | None = None) -> ReturnMap:

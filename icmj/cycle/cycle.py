@@ -10,14 +10,14 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import SAME, Array
 from icmj.base.process import limit_to_one_thread
-from icmj.case.case import Case, expect_prediction, simulate_plant
+from icmj.case.case import Case, Theory, expect_rule, expect_theory, simulate_plant
 from icmj.case.plants import linear_plant
 from icmj.cycle.return_map import (
     Flights,
@@ -29,11 +29,8 @@ from icmj.cycle.return_map import (
     jacobian,
     multipliers,
 )
-from icmj.errors import CycleError
+from icmj.errors import CycleError, prefix_errors
 from icmj.measurement.measurement import closure, event_states, measure
-
-if TYPE_CHECKING:
-    from icmj.case.case import PredictedCase
 
 CLOSED = 1e-10  # relative closure that counts
 FLOOR = 2e-13  # relative closure below which a flight is only rounding
@@ -209,21 +206,21 @@ class Guess:
     longest: float
 
 
-def from_prediction(case: PredictedCase, loop: ReturnMap, size: float) -> Guess:
+def from_prediction(theory: Theory, loop: ReturnMap, size: float) -> Guess:
     """The linear orbit at the threshold ``size``.
 
     Raises:
         CycleError: if the theory has none.
     """
-    orbit = case.prediction.orbit
+    orbit, system = theory.prediction.orbit, theory.system
     if orbit is None or not np.isfinite(orbit.gamma):
         why = "the linear theory has no orbit" if orbit is None else orbit.reason
-        raise CycleError(f"{case.run.path}: {why}; start from a simulation")
-    factor = size / case.rule.size
-    parts = case.system.start(orbit.x_bar * factor)
+        raise CycleError(f"{why}; start from a simulation")
+    factor = size / theory.rule.size
+    parts = system.start(orbit.x_bar * factor)
     z = loop.join(*parts)
-    n, m = case.system.n, case.system.n_hat
-    X = np.abs(case.system.to_original(orbit.X) * factor).max(axis=0)
+    n, m = system.n, system.n_hat
+    X = np.abs(system.to_original(orbit.X) * factor).max(axis=0)
     scale = positive(loop.join(X[:n], X[n : n + m], X[n + m :]))
     sign, p = orbit.sign, 1
     if sign < 0 and not loop.odd(z, scale):
@@ -393,22 +390,24 @@ def find_cycle(
         CycleError: if there is no cycle near the guess, with the reason, or if a disturbance changes in time.
         SimulationError: if a flight cannot be prepared.
     """
-    case = expect_prediction(case, "find_cycle")
-    rule = case.rule if size is None else case.rule.resized(size)
+    law = expect_rule(case, "find_cycle")
+    theory = expect_theory(case, "find_cycle")
+    rule = theory.rule if size is None else theory.rule.resized(size)
     settings = replace(case.settings, limit=case.settings.limit if limit is None else limit)
     actual = linear_plant(case.actual, settings) if plant == "linear" else case.model
-    controller = replace(case.controller.triggered_by(rule), setpoint=None)
+    controller = replace(law.triggered_by(rule), setpoint=None)
     loop = ReturnMap(actual, controller, settings).refine(refinement)
-    orbit = case.prediction.orbit
+    orbit = theory.prediction.orbit
     if start == "auto":
         start = "prediction" if orbit is not None and np.isfinite(orbit.gamma) else "simulation"
     tell, begun = progress or (lambda done: None), 0.1
     tell(begun)
     if start == "prediction":
-        guess = from_prediction(case, loop, rule.size)
+        with prefix_errors(case.run.path):
+            guess = from_prediction(theory, loop, rule.size)
     elif start == "simulation":
         begun = 0.5
-        guess = from_simulation(loop, case.system.T_hat, lambda done: tell(0.1 + 0.4 * done))
+        guess = from_simulation(loop, theory.system.T_hat, lambda done: tell(0.1 + 0.4 * done))
     else:
         guess = start
     loop = replace(loop, settings=replace(loop.settings, duration=LONGEST * guess.longest))

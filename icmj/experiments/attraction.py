@@ -22,14 +22,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import singledispatch
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, between
 from icmj.base.process import limit_to_one_thread
-from icmj.case.case import Case, PlantKind, expect_prediction, open_loop, simulate
+from icmj.case.case import Case, PlantKind, expect_rule, expect_theory, open_loop, simulate
 from icmj.case.result import AmplitudeLaw, Attractor, Growth
 from icmj.controller.controller import Controller, Law
 from icmj.controller.delayed import SwitchingPD
@@ -40,17 +39,16 @@ from icmj.measurement.measurement import Measurement, event_states, growth_per_i
 from icmj.plant.linear_plant import LinearPlant, Match, expect_linear, match_ports, transformation
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
-
-if TYPE_CHECKING:
-    from icmj.case.case import PredictedCase
+from icmj.theory.error_system import ErrorSystem
 
 SIZE = 1e-6  # of the start state: small enough that the engine's plant is linear, far above rounding
 LEAST_INTERVALS = 6  # the least that a growth is measured from
 
 
-def undriven(case: PredictedCase) -> PredictedCase:
+def undriven(case: Case) -> Case:
     """The same case without set-point and disturbances: the loop itself, of which eigenvalues and orbits are."""
-    controller, settings = replace(case.controller, setpoint=None), replace(case.settings, disturbance=())
+    controller = replace(expect_rule(case, "a loop without set-point"), setpoint=None)
+    settings = replace(case.settings, disturbance=())
     run = case.run.with_(**{"setpoint": None, "simulation.disturbance": None})
     return replace(case, run=run, controller=controller, settings=settings)
 
@@ -65,19 +63,18 @@ def measure_growth(case: Case, plant: PlantKind, points: int) -> Growth | None:
         The points; ``None`` if ``points`` is 0. If Δ_crit is undefined, they are spread over the interval searched.
         Values that overflow are NaN.
     """
-    case = undriven(expect_prediction(case, "growth under a clock"))
+    theory, case = expect_theory(case, "growth under a clock"), undriven(case)
     if points == 0:
         return None
-    delta_crit = case.prediction.delta_crit
+    delta_crit = theory.prediction.delta_crit
     end = 1.25 * delta_crit if delta_crit is not None else case.run.analysis.delta_max
-    t_d = case.controller.delay.t_d  # a clock faster than the delay is another map
+    t_d = theory.system.delay.t_d  # a clock faster than the delay is another map
     deltas = t_d + np.linspace((end - t_d) / points, end - t_d, points)
-    measured, predicted = zip(*(_growth(case, plant, float(delta)) for delta in deltas), strict=True)
+    measured, predicted = zip(*(_growth(case, theory.system, plant, float(delta)) for delta in deltas), strict=True)
     return Growth(deltas, np.array(measured), np.array(predicted))
 
 
-def _growth(case: PredictedCase, plant: PlantKind, delta: float) -> tuple[float, float]:
-    system = case.system
+def _growth(case: Case, system: ErrorSystem, plant: PlantKind, delta: float) -> tuple[float, float]:
     with np.errstate(over="ignore", invalid="ignore"):
         phi = system.phi(delta)
     if not np.isfinite(phi).all():  # something grows so fast that no number holds it
@@ -113,9 +110,9 @@ def measure_law(case: Case, q_t: Sequence[float]) -> AmplitudeLaw | None:
         The law; ``None`` if no attracting cycle is predicted or there are fewer than two thresholds. A threshold at
         which the run does not settle has NaN errors and is left out of the fit.
     """
-    case = undriven(expect_prediction(case, "the amplitude law"))
-    orbit, trigger = case.prediction.orbit, case.rule
-    if len(q_t) < 2 or orbit is None or case.prediction.verdict != "attracting":
+    theory, case = expect_theory(case, "the amplitude law"), undriven(case)
+    orbit, trigger, system = theory.prediction.orbit, theory.rule, theory.system
+    if len(q_t) < 2 or orbit is None or theory.prediction.verdict != "attracting":
         return None
     errors = []
     for threshold in q_t:
@@ -123,11 +120,11 @@ def measure_law(case: Case, q_t: Sequence[float]) -> AmplitudeLaw | None:
             case,
             "mujoco",
             trigger=trigger.resized(threshold),
-            start=case.system.start(orbit.x_bar * (threshold / trigger.size)),
+            start=system.start(orbit.x_bar * (threshold / trigger.size)),
             duration=INTERVALS * orbit.delta,
             refinement=REFINEMENT,
         )
-        measured = measure(run, T_hat=case.system.T_hat)
+        measured = measure(run, T_hat=system.T_hat)
         if measured.interval is None or measured.kind != "cycle":
             errors.append((np.nan, np.nan))
             continue

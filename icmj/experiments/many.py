@@ -218,7 +218,7 @@ def _parts(case: Case, varies: bool) -> dict[str, Any]:
     """What another process takes of the case beside its run file: they may have been replaced in it."""
     law = case.controller
     rule = law.trigger if has_trigger(law) else None
-    own = case.rule is not None and rule is not case.rule
+    own = case.theory is not None and rule is not case.theory.rule
     if varies and (own or case.settings != case.run.simulation.settings()):
         raise SimulationError(
             "vary: these are values of the run file, and settings or trigger of this case are others than those of its "
@@ -226,7 +226,7 @@ def _parts(case: Case, varies: bool) -> dict[str, Any]:
         )
     # code of the user's own is known by the run file alone
     there = type(rule or law).__module__.startswith("icmj.")
-    return {name: getattr(case, name) for name in ("settings", *(("controller", "rule") if there else ()))}
+    return {name: getattr(case, name) for name in ("settings", *(("controller", "theory") if there else ()))}
 
 
 def _vary(case: Case, changes: Mapping[str, Any]) -> Case:

@@ -23,14 +23,14 @@ from scipy.stats import chi2
 
 from icmj.base.array import Array, between
 from icmj.base.process import limit_to_one_thread
-from icmj.case.case import Case, PlantKind, simulate
+from icmj.case.case import Case, PlantKind, expect_rule, simulate
 from icmj.cycle.cycle import find_cycle
 from icmj.errors import IcmjError, IdentificationError
 from icmj.fitting.observed import FEWEST, SETTLED, SPAN, Observed, Rhythm, Sequence, Unknown, rhythm
 from icmj.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
-    from icmj.case.case import PredictedCase
+    pass
 
 _POINTS = 33  # of the interval in which it is sought
 _SAME = 1e-6  # relative: a root at which the interval is not the one observed is a jump
@@ -130,10 +130,10 @@ def refine_candidate(inverse: Inverse, candidate: Candidate, rhythm: Rhythm) -> 
     return Candidate(value, candidate.error, candidate.sign)
 
 
-def _rate(case: PredictedCase | None) -> tuple[float, int]:
-    if case is None:
+def _rate(case: Case | None) -> tuple[float, int]:
+    if case is None or case.theory is None:
         return float("nan"), 0
-    found = case.prediction
+    found = case.theory.prediction
     if found.delta_crit is None or found.eigenvalue is None:
         return 0.0, 0
     if not found.cycle or found.verdict != "attracting":
@@ -232,11 +232,12 @@ def _simulate(
         step = min(unknown.run.simulation.settings().record_interval, found.interval / 200)
         changes: dict[str, Any] = {"simulation.disturbance": [], "simulation.record_interval": step}
         case = unknown.case(value, None, **changes)
-        if case is None or case.prediction.orbit is None:
+        theory = None if case is None else case.theory
+        if case is None or theory is None or theory.prediction.orbit is None:
             return ()
-        parts = case.system.start(case.prediction.orbit.x_bar)
+        parts = theory.system.start(theory.prediction.orbit.x_bar)
         mirrored = tuple(-part for part in parts)
-        length = (_TURNS + 0.5) * case.prediction.orbit.delta
+        length = (_TURNS + 0.5) * theory.prediction.orbit.delta
         return tuple(simulate(case, plant, start=start, duration=length) for start in (parts, mirrored))
     except IcmjError:
         return ()
@@ -396,7 +397,7 @@ def _identify(
         )
     found = None if unknown.run.setpoint else rhythm(observed)  # what is predicted of a rhythm is that of r = 0
     case = unknown.checked()
-    least = case.controller.least
+    least = expect_rule(case, "identification").least
     if found is not None and found.interval <= least * (1 + 1e-3) + observed.resolution:
         return _cannot(
             unknown, f"every interval is the least one, {least:g} s: the event rule does not determine the events"

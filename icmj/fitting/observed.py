@@ -24,7 +24,7 @@ from scipy.stats import t as student
 
 from icmj.base.array import Array, between, leading
 from icmj.base.files import open_file
-from icmj.case.case import Case, PlantKind, expect_prediction, prepare, simulate
+from icmj.case.case import Case, PlantKind, expect_theory, prepare, simulate
 from icmj.errors import DataError, IcmjError, IdentificationError
 from icmj.plant.body import Change
 from icmj.runfile.schema import RunFile
@@ -33,7 +33,7 @@ from icmj.series.reading import MOST_BYTES, read_series
 from icmj.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
-    from icmj.case.case import PredictedCase
+    pass
 
 FEWEST = 4  # events, or rows, below which nothing can be said
 READING = 0.01  # of its size: standard deviation of the error of an output, if nothing is said of it
@@ -379,20 +379,24 @@ class Unknown:
         deviation = {"what": self.change.what, **of, "factor": float(value)}
         return self.run.with_(**{"actual.change": [*kept, deviation]}, **changes)
 
-    def case(self, value: float, like: Case | None = None, **changes: Any) -> PredictedCase | None:
-        """The case with this value, or ``None`` if no case can be prepared."""
+    def case(self, value: float, like: Case | None = None, **changes: Any) -> Case | None:
+        """The case with this value, or ``None`` if no case with an event rule can be prepared."""
         try:
-            return expect_prediction(prepare(self.at(value, **changes), like=like), "identification")
+            case = prepare(self.at(value, **changes), like=like)
+            expect_theory(case, "identification")
         except IcmjError:
             return None
+        return case
 
-    def checked(self) -> PredictedCase:
+    def checked(self) -> Case:
         """The case in the middle of the range, to check that it can be prepared.
 
         Raises:
             IcmjError: if the run file or its models do not have the field or change.
         """
-        return expect_prediction(prepare(self.at((self.low + self.high) / 2)), "identification")
+        case = prepare(self.at((self.low + self.high) / 2))
+        expect_theory(case, "identification")
+        return case
 
 
 _SEQUENCE_POINTS = 41  # of the interval in which it is sought

@@ -21,7 +21,7 @@ from icmj.base import VERSION
 from icmj.base.files import write_text
 from icmj.base.process import limit_to_one_thread
 from icmj.base.text import one_line
-from icmj.case.case import Case, has_prediction
+from icmj.case.case import Case, Theory, expect_rule, expect_theory
 from icmj.case.plants import AnyPlant
 from icmj.case.result import quantities
 from icmj.controller.controller import has_trigger
@@ -40,7 +40,7 @@ from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 
 if TYPE_CHECKING:
-    from icmj.case.case import PredictedCase
+    pass
 
 DELAYS = (0.0, 0.05, 0.1, 0.15, 0.2)  # s; between them a slider of the intermittent controller has no place
 GAINS, STEP = (0.6, 1.5), 0.01  # of b
@@ -124,7 +124,7 @@ def describe(case: Case, *, progress: Callable[[float], None] | None = None) -> 
         "body": links and chain_body(links, _positions(actual), run.study.magnification),
         "table": None,
     }  # fmt: skip
-    return described | (_rule(case, unit, progress or (lambda done: None)) if has_prediction(case) else _law(case))
+    return described | (_rule(case, unit, progress or (lambda done: None)) if case.theory else _law(case))
 
 
 def _refusal(case: Case) -> str:
@@ -137,7 +137,7 @@ def _refusal(case: Case) -> str:
         return (
             f"a {law.kind} controller reads its own commands or is reset by a clock, which the page's loop does not do"
         )
-    if not has_prediction(case) and not real.tapped:
+    if case.theory is None and not real.tapped:
         return "the page has an event rule, or a controller that reads delayed outputs, and this one has neither"
     if has_trigger(law) and law.sampling_delay:
         return "events of the page come at once; leave out sampling_delay"
@@ -252,12 +252,13 @@ def _modes(real: Realisation) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _rule(case: PredictedCase, unit: LinearPlant, progress: Callable[[float], None]) -> dict[str, Any]:
+def _rule(case: Case, unit: LinearPlant, progress: Callable[[float], None]) -> dict[str, Any]:
     """The intermittent controller with the delays that its slider offers, and the predictions for each."""
-    own = case.controller.delay.t_d
+    controller, theory = expect_rule(case, "a live page"), expect_theory(case, "a live page")
+    own = controller.delay.t_d
     delays = sorted({*DELAYS, own})
     # the queue of one prediction is there whatever the delay, so that a delay can change where the motion is
-    laws = [replace(case.controller, delay=Delay(delay)) for delay in delays]
+    laws = [replace(controller, delay=Delay(delay)) for delay in delays]
     widest = laws[-1].realisation
     size = widest.layout.size
     resets = []
@@ -266,14 +267,15 @@ def _rule(case: PredictedCase, unit: LinearPlant, progress: Callable[[float], No
         at = slice(0, law.realisation.layout.size)
         J[at, at], G[at, at] = law.realisation.J, law.realisation.G
         resets.append({"delay": delay, "J": J.tolist(), "G": G.tolist()})
-    model = case.controller.design.plant
+    model = controller.design.plant
     known = model.states
     x_o = [case.settings.observer.get(name, 0.0) for name in known]
     return {
-        "exact": _same(model, unit), "delay": own, "delays": delays, "q": case.rule.size, "least": case.rule.delta_min,
+        "exact": _same(model, unit), "delay": own, "delays": delays,
+        "q": theory.rule.size, "least": theory.rule.delta_min,
         "controller": _modes(widest) | {"resets": resets},
         "start": {"x": _start(case), "a": x_o + x_o + [0.0] * (size - 2 * len(known))},
-        "table": _table(case, unit, delays, progress),
+        "table": _table(case, theory, unit, delays, progress),
     }  # fmt: skip
 
 
@@ -284,34 +286,34 @@ def _same(model: LinearPlant, plant: LinearPlant) -> bool:
 
 
 def _table(
-    case: PredictedCase, unit: LinearPlant, delays: list[float], progress: Callable[[float], None]
+    case: Case, theory: Theory, unit: LinearPlant, delays: list[float], progress: Callable[[float], None]
 ) -> dict[str, Any]:
     """Predictions by delay and b; the orbit is (x, x_o, x_h) at its event, for the threshold of the run file."""
     first, last = (round(round(g / STEP) * STEP, 6) for g in (min(GAINS[0], _gain(case)), max(GAINS[1], _gain(case))))
     gains = sorted({1.0, _gain(case), *(round(b, 6) for b in np.arange(first, last + STEP / 2, STEP))})
     rows: list[list[Any]] = []
+    last = case.run.analysis.delta_max
     done, total = 0, len(gains) * len(delays)
     for delay in delays:
         for b in gains:
-            rows.append(_row(case, replace(unit, B=unit.B * b), Delay(delay)))
+            rows.append(_row(theory, replace(unit, B=unit.B * b), Delay(delay), last))
             done += 1
             progress(done / total)
-    n = unit.n + 2 * case.controller.design.plant.n
+    n = unit.n + 2 * theory.system.n_hat
     packed = np.array([row[-1] if row[-1] is not None else np.zeros(n) for row in rows], dtype="<f4")
     return {
         "gains": gains,
-        "last": case.run.analysis.delta_max,
+        "last": last,
         "rows": [row[:-1] for row in rows],
         "orbits": base64.b64encode(packed.tobytes()).decode(),
     }
 
 
-def _row(case: PredictedCase, plant: LinearPlant, delay: Delay) -> list[Any]:
+def _row(theory: Theory, plant: LinearPlant, delay: Delay, last: float) -> list[Any]:
     """Δ_crit [s], λ, whether a cycle is predicted, its largest multiplier, and its state; ``None`` for what is not."""
-    design, hold = case.controller.design, case.controller.hold
     try:
-        system = error_system(plant, design, hold, delay=delay, match="position")
-        found = predict(system, case.rule, delta_max=case.run.analysis.delta_max)
+        system = error_system(plant, theory.system.design, theory.system.hold, delay=delay, match="position")
+        found = predict(system, theory.rule, delta_max=last)
     except AnalysisError:
         return [None, 0, 0, None, None]
     if found.delta_crit is None or found.eigenvalue is None:

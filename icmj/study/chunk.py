@@ -23,7 +23,17 @@ from icmj.base.array import Array, between
 from icmj.base.numbers import Fact, Kind, collect_facts
 from icmj.base.process import limit_to_one_thread
 from icmj.base.text import one_line
-from icmj.case.case import Case, PlantKind, expect_prediction, measure_own, mode_roots, prepare, simulate
+from icmj.case.case import (
+    Case,
+    PlantKind,
+    Theory,
+    expect_rule,
+    expect_theory,
+    measure_own,
+    mode_roots,
+    prepare,
+    simulate,
+)
 from icmj.case.comparison import RUN, Ran, finite
 from icmj.case.plants import linear_plant
 from icmj.cycle.cycle import Cycle
@@ -38,7 +48,7 @@ from icmj.study.plan import Plan, Value
 from icmj.theory.prediction import PREDICTION
 
 if TYPE_CHECKING:
-    from icmj.case.case import PredictedCase
+    pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,14 +278,15 @@ def _row(plan: Plan, index: int, values: tuple[Any, ...], bench: _Bench) -> dict
     try:
         if not plan.file.base.has_events:
             return row | _row_without_prediction(prepare(plan.run(values)), plan.file.ask.motion)
-        case = expect_prediction(_case(plan, plan.run(values), bench.last), "the prediction")
-        row |= row_of("predicted", PREDICTION, case.prediction, _outputs(case))
+        case = _case(plan, plan.run(values), bench.last)
+        theory = expect_theory(case, "the prediction")
+        row |= row_of("predicted", PREDICTION, theory.prediction, _outputs(case))
         for plant in plan.file.ask.motion:
             begin = time.process_time()
-            row |= _motion(case, plant)
+            row |= _motion(case, theory, plant)
             bench.simulating += time.process_time() - begin
         for plant in plan.file.ask.cycle:
-            row |= _cycle(case, plant)
+            row |= _cycle(case, theory, plant)
         if plan.file.ask.attractors:
             row |= _attractors(plan, case)
     except IcmjError as error:
@@ -295,17 +306,17 @@ def _case(plan: Plan, run: RunFile, last: LastCase) -> Case:
     return last.get(run, base.q_t if run.intermittent.rule == base.rule == "quadratic" else None)
 
 
-def _motion(case: PredictedCase, plant: PlantKind) -> dict[str, Any]:
+def _motion(case: Case, theory: Theory, plant: PlantKind) -> dict[str, Any]:
     run = simulate(case, plant)
-    motion = measure(run, T_hat=case.system.T_hat)
+    motion = measure(run, T_hat=theory.system.T_hat)
     assumed, actual = case.assumed.linearisation.plant, case.actual.linearisation.plant
-    ran = Ran(assumed, actual, case.prediction, run, motion, statistics(run) if run.noisy else None)
+    ran = Ran(assumed, actual, theory.prediction, run, motion, statistics(run) if run.noisy else None)
     there = {"", plant, "noise" if run.noisy else ""}
     row = row_of(plant, [fact for fact in RUN if fact.only in there], ran, _outputs(case))
     return row | {f"{plant}_{name}": value for name, value in own(measure_own(case.run, run)).items()}
 
 
-def _cycle(case: PredictedCase, plant: PlantKind) -> dict[str, Any]:
+def _cycle(case: Case, theory: Theory, plant: PlantKind) -> dict[str, Any]:
     from icmj.cycle.cycle import find_cycle
 
     what = f"{plant}_cycle"
@@ -313,14 +324,14 @@ def _cycle(case: PredictedCase, plant: PlantKind) -> dict[str, Any]:
         found = find_cycle(case, plant)
     except CycleError as error:
         return row_of(what, CYCLE[:2], CycleSearch(None, one_line(error, 300), None), ())
-    crit = case.prediction.delta_crit if case.prediction.cycle else None
+    crit = theory.prediction.delta_crit if theory.prediction.cycle else None
     return row_of(what, CYCLE, CycleSearch(found, "", crit), _outputs(case))
 
 
-def _attractors(plan: Plan, case: PredictedCase) -> dict[str, Any]:
+def _attractors(plan: Plan, case: Case) -> dict[str, Any]:
     found = attractors(
         linear_plant(case.actual, case.settings),
-        case.controller,
+        expect_rule(case, "attractors"),
         case.settings,
         starts=plan.file.ask.attractors,
         match="position",

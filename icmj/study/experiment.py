@@ -31,7 +31,7 @@ from icmj.base.array import between, read_parquet
 from icmj.base.files import whole, write_bytes, write_text
 from icmj.base.numbers import plain
 from icmj.base.process import limit_to_one_thread
-from icmj.case.case import Case, PlantKind, expect_prediction, prepare, simulate
+from icmj.case.case import Case, PlantKind, expect_rule, prepare, simulate
 from icmj.case.plants import digests
 from icmj.controller.controller import continuous_limit
 from icmj.controller.trigger import ClockTrigger, Trigger
@@ -342,7 +342,7 @@ class Condition:
     def trigger(self, case: Case) -> Trigger | None:
         """The trigger that replaces that of the case."""
         if self.table.control == "continuous":
-            controller = expect_prediction(case, 'control = "continuous"').controller
+            controller = expect_rule(case, 'control = "continuous"')
             return continuous_limit(controller, case.settings.share_interval)
         return None if self.table.interval is None else ClockTrigger(self.table.interval)
 
@@ -430,7 +430,7 @@ def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], Non
 def _set_controller(one: Condition, case: Case) -> Case:
     """The case with the controller of this condition."""
     if (trigger := one.trigger(case)) is not None:
-        return replace(case, controller=expect_prediction(case, "another trigger").controller.triggered_by(trigger))
+        return replace(case, controller=expect_rule(case, "another trigger").triggered_by(trigger))
     return case
 
 

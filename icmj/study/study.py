@@ -19,7 +19,7 @@ from icmj.work.own_code import RUNS
 from icmj.work.workers import Task, Tell, Workers, processes
 
 if TYPE_CHECKING:
-    from icmj.case.case import Case, PlantKind, PredictedCase
+    from icmj.case.case import Case, PlantKind
     from icmj.case.comparison import Comparison
     from icmj.case.result import Attractor, Result, SweepTable
     from icmj.cycle.branch import Branch
@@ -191,7 +191,7 @@ def run_case(
     Raises:
         IcmjError: if the run file, its models, the design or the analysis fail.
     """
-    from icmj.case.case import Case, expect_measures, has_prediction, measure_own, prepare, simulate
+    from icmj.case.case import Case, expect_measures, measure_own, prepare, simulate
     from icmj.case.result import Result
     from icmj.engine.pose import scene
     from icmj.measurement.measurement import measure
@@ -205,12 +205,12 @@ def run_case(
     expect_measures(run)
     report(0.1)
     with prefix_errors(run.path):
-        predicted = has_prediction(case)
-        share = 0.4 if study and predicted else 0.8
+        theory = case.theory
+        share = 0.4 if study and theory else 0.8
         simulation = simulate(case, plant, progress=lambda done: report(0.1 + share * done))
         found = dict[str, Any]()
-        if has_prediction(case):
-            found["measurement"] = measure(simulation, T_hat=case.system.T_hat)
+        if theory:
+            found["measurement"] = measure(simulation, T_hat=theory.system.T_hat)
             if simulation.noisy:
                 from icmj.measurement.statistics import statistics
 
@@ -243,11 +243,9 @@ def _sway(case: Case, found: Statistics | None, simulation: Simulation) -> dict[
     return {} if found is None else measure_pressure(case, simulation, found.start)
 
 
-def _beside(
-    case: PredictedCase, plant: PlantKind, simulation: Simulation, report: Callable[[float], None]
-) -> dict[str, Any]:
+def _beside(case: Case, plant: PlantKind, simulation: Simulation, report: Callable[[float], None]) -> dict[str, Any]:
     """What the study adds to a run that has a prediction."""
-    from icmj.case.case import simulate
+    from icmj.case.case import expect_rule, simulate
     from icmj.controller.controller import continuous_limit
     from icmj.experiments.attraction import measure_growth, measure_law
 
@@ -255,7 +253,7 @@ def _beside(
     continuous = simulate(
         case,
         plant,
-        trigger=continuous_limit(case.controller, case.settings.share_interval),
+        trigger=continuous_limit(expect_rule(case, "a study"), case.settings.share_interval),
         duration=_continuous_duration(case, simulation),
         progress=lambda done: report(0.5 + 0.1 * done),
     )
@@ -303,7 +301,8 @@ def _continuous_duration(case: Case, simulation: Simulation) -> float | None:
     return min(case.settings.duration, AFTER_INTERRUPT) if simulation.outcome.kind == "stalled" else None
 
 
-def _attractors(case: PredictedCase, progress: Callable[[float], None]) -> tuple[Attractor, ...]:
+def _attractors(case: Case, progress: Callable[[float], None]) -> tuple[Attractor, ...]:
+    from icmj.case.case import expect_rule
     from icmj.case.plants import linear_plant
     from icmj.experiments.attraction import attractors
 
@@ -314,7 +313,7 @@ def _attractors(case: PredictedCase, progress: Callable[[float], None]) -> tuple
     try:
         return attractors(
             plant,
-            case.controller,
+            expect_rule(case, "attractors"),
             settings,
             starts=study.attractor_starts,
             seed=study.seed,

@@ -10,7 +10,7 @@ import pytest
 from terminal_cases import told
 
 from icmj import build_live, compare, load_run, parse_run, run_case, write_log
-from icmj.case.case import expect_prediction, prepare, simulate
+from icmj.case.case import expect_theory, prepare, simulate
 from icmj.cli.main import main
 from icmj.controller.controller import RecordedLaw
 from icmj.errors import AnalysisError, IcmjError, ReportError, RunFileError
@@ -267,11 +267,11 @@ def test_a_start_of_an_observer_that_is_not_there_is_told_with_the_file(run_path
 def test_a_case_of_any_controller_says_whether_it_has_a_prediction(root: Path, run_path: Path) -> None:
     known, other = prepare(load_run(root / "runs" / "simple-0.8.toml")), prepare(load_run(run_path))
     assert known.prediction is not None
-    assert expect_prediction(known, "a cycle") is known
+    assert expect_theory(known, "a cycle") is known.theory
     assert (other.prediction, other.system, other.rule) == (None, None, None)
     assert repr(other) == "<Case: asai, switching control, no prediction>"
     with pytest.raises(RunFileError, match=r"asai\.toml: a cycle needs an event rule, .* 'switching'"):
-        expect_prediction(other, "a cycle")
+        expect_theory(other, "a cycle")
 
 
 @pytest.mark.parametrize(("kind", "change", "words"), [
@@ -316,7 +316,7 @@ def test_a_controller_of_ones_own(run_path: Path) -> None:
     again = simulate(replace(trial, controller=law, settings=load_run(path).simulation.settings()), "linear")
     np.testing.assert_array_equal(again.x, result.simulation.x)
     with pytest.raises(RunFileError, match="has no event rule"):
-        expect_prediction(trial, "a cycle")
+        expect_theory(trial, "a cycle")
 
 
 def test_a_triggered_controller_of_ones_own_goes_all_the_way_without_a_prediction(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ PREDICTED = ("simple-0.8", "simple-1.2", "simple-1.7", "three-link-0.9", "neglec
 def test_on_the_linear_plant_it_is_the_predicted_orbit(name: str) -> None:
     of = case(name)
     loop, predicted = return_map(of, "linear"), of.prediction
-    guess = from_prediction(of, loop, of.rule.size)
+    guess = from_prediction(of.theory, loop, of.theory.rule.size)
     off = guess.z + 2e-3 * guess.scale * np.random.default_rng(1).uniform(-1, 1, len(guess.z))
     found = find_cycle(of, "linear", start=type(guess)(off, guess.scale, guess.p, guess.sign, guess.longest))
     assert len(found.history) > 2, "the guess was not off"

@@ -13,7 +13,7 @@ from icmj.theory.orbit import jacobian as in_theory
 def test_on_the_linear_plant_they_are_right_to_1e_7_and_know_their_error(name: str) -> None:
     of = case(name)
     loop, system = return_map(of, "linear"), of.system
-    guess = from_prediction(of, loop, of.rule.size)
+    guess = from_prediction(of.theory, loop, of.theory.rule.size)
     found = jacobian(loop, guess.z, guess.scale)
     n = system.n
     to_z = np.eye(n + system.n_hat)  # z = (x, x_o) from x̄ = (x, x_o − T̂x)
@@ -31,6 +31,6 @@ def test_on_the_linear_plant_they_are_right_to_1e_7_and_know_their_error(name: s
 def test_threads_find_the_same() -> None:
     of = case("simple-0.8")
     loop = return_map(of)
-    guess = from_prediction(of, loop, of.rule.size)
+    guess = from_prediction(of.theory, loop, of.theory.rule.size)
     one, two = (jacobian(loop, guess.z, guess.scale, threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.J, two.J)

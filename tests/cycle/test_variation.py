@@ -21,7 +21,7 @@ from icmj.errors import CycleError
 def test_it_is_what_differences_of_flights_say(name: str, q_t: float, plant: str) -> None:
     of = case(name, controller__q_t=q_t)
     loop = return_map(of, plant)
-    guess = from_prediction(of, loop, q_t)
+    guess = from_prediction(of.theory, loop, q_t)
     expected = jacobian(loop, guess.z, guess.scale).J
     found = derivative(loop, course(loop, guess.z, float(loop.turn(guess.z).intervals[0])), 1e-6)
     D = guess.scale[None, :] / guess.scale[:, None]
@@ -34,7 +34,7 @@ def test_with_the_hold_in_z_a_loop_without_delay_forgets_it(plant: str) -> None:
     of = case("three-link-0.9", controller__q_t=0.1)
     short = return_map(of, plant)
     loop = replace(short, held=True)
-    guess, plain = from_prediction(of, loop, 0.1), from_prediction(of, short, 0.1)
+    guess, plain = from_prediction(of.theory, loop, 0.1), from_prediction(of.theory, short, 0.1)
     m, N = of.controller.design.plant.n, short.size
     assert (loop.size, len(guess.z)) == (N + m, N + m)
     np.testing.assert_array_equal(loop.turn(guess.z).end[:N], short.turn(plain.z).end)
@@ -54,7 +54,7 @@ def test_the_course_of_an_interval_is_what_a_simulation_records(plant: str) -> N
 
     of = case("three-link-0.9-delay", controller__q_t=0.03)
     loop = return_map(of, plant)
-    z = from_prediction(of, loop, 0.03).z
+    z = from_prediction(of.theory, loop, 0.03).z
     along = course(loop, z, float(loop.turn(z).intervals[0]))
     run = icmj.simulate(of, plant, start=loop.split(z), duration=along.cuts[-1] - 1e-9)
     t = run.t[5:-1]

@@ -35,7 +35,8 @@ def test_intervals_shorter_than_a_timestep_have_no_measured_growth(root):
 
 def test_what_grows_beyond_all_numbers_is_not_a_number(root):
     case = prepare(load_run(root / "runs" / "simple-0.8.toml"))
-    lost = replace(case, system=replace(case.system, A_C=1e6 * case.system.A_C))
+    system = replace(case.system, A_C=1e6 * case.system.A_C)
+    lost = replace(case, theory=replace(case.theory, system=system))
     growth = measure_growth(lost, "linear", 3)
     assert np.isnan(growth.measured).all()
     assert np.isnan(growth.predicted).all()
