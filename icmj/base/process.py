@@ -57,7 +57,7 @@ def one_thread(environment: MutableMapping[str, str] | None = None) -> MutableMa
     return environment
 
 
-class Shared:
+class SharedBlock:
     """A block that any number of threads may be in at once: it begins with the first of them, and ends with the last.
 
     An instance is called for a ``with`` statement or as a decorator, as the function that it is made of would be.
@@ -86,10 +86,10 @@ class Shared:
 
 
 # Python has one list of what to say for the whole process, which blocks of different threads would leave to each other
-ignore_warnings = Shared(lambda: warnings.catch_warnings(action="ignore"))
+ignore_warnings = SharedBlock(lambda: warnings.catch_warnings(action="ignore"))
 
 
-@Shared
+@SharedBlock
 @contextmanager
 def limit_to_one_thread() -> Iterator[None]:
     """Let BLAS work in one thread within the block, or the function that this decorates, whatever the process is told.

@@ -331,8 +331,8 @@ _PAGE = 118  # columns of comments
 _MODES = ("own", "continuous")
 # what a key may hold that is not set by default, as (table, key)
 _EXAMPLES: Mapping[tuple[str, str], Any] = {
-    ("SweepTable", "samples"): 1000,
-    ("SweepTable", "chunk"): 50,
+    ("SweepHeadTable", "samples"): 1000,
+    ("SweepHeadTable", "chunk"): 50,
     ("VaryTable", "change"): {"what": "mass", "by": "factor"},
     ("VaryTable", "values"): [0.8, 0.9, 1.0],
     ("CaseTable", "interval"): 0.35,

@@ -70,7 +70,7 @@ def refuse_other_kind(command: object) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shared:
+class Command:
     """A command of the program, and the options of every command."""
 
     quiet: Annotated[bool, Given(short="-q")] = False
@@ -80,7 +80,7 @@ class Shared:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Overrides(Shared):
+class Overrides(Command):
     """Values of the run file changed for once; :func:`icmj.runfile.schema.overridden` puts them in."""
 
     set: Annotated[tuple[str, ...], Given(repeated=True, metavar="KEY=VALUE")] = ()
@@ -90,7 +90,7 @@ class Overrides(Shared):
 
 
 @dataclass(frozen=True)
-class Cases(Shared):
+class CasesCommand(Command):
     """List the cases, rival controllers, sweeps, experiments and families that come with icmj.
 
     Example: icmj cases
@@ -101,7 +101,7 @@ class Cases(Shared):
 
 
 @dataclass(frozen=True)
-class New(Shared):
+class NewCommand(Command):
     """Write a commented file to begin with, or copy a shipped one and its models.
 
     A run file for a model; a sweep, experiment or family file for a run file; a table of recordings for icmj fit.
@@ -126,7 +126,7 @@ class New(Shared):
 
 
 @dataclass(frozen=True)
-class Person(Shared):
+class PersonCommand(Command):
     """Scale the three-link model to the height and mass of a person, and write it.
 
     Example: icmj person three_link --height 1.65 --mass 60 --out person.xml
@@ -143,7 +143,7 @@ class Person(Shared):
 
 
 @dataclass(frozen=True)
-class Linearise(Shared):
+class LineariseCommand(Command):
     """Linearise an MJCF model by centred finite differences; print the matrices A, B, C and the poles.
 
     Example: icmj linearise three_link --keyframe upright
@@ -170,7 +170,7 @@ class Linearise(Shared):
 
 
 @dataclass(frozen=True)
-class Schema(Shared):
+class SchemaCommand(Command):
     """Print the JSON Schema of run, sweep, experiment or family files; editors use it to complete and check them.
 
     Example: icmj schema run --out run.schema.json
@@ -183,7 +183,7 @@ class Schema(Shared):
 
 
 @dataclass(frozen=True)
-class Export(Shared):
+class ExportCommand(Command):
     """Export the signals of a log and, in a second file, its events for use in other tools.
 
     Units are in the header (CSV), in the metadata of each field (Parquet) or in a separate array (npz).
@@ -204,7 +204,7 @@ class Export(Shared):
 
 
 @dataclass(frozen=True)
-class Measure(Shared):
+class MeasureCommand(Command):
     """Measure sway: RMS, speed, range, prediction ellipse, frequencies, stabilogram diffusion.
 
     In a log, the centre of pressure is measured if the body stands on a floor, else the outputs; in a table (CSV,
@@ -235,7 +235,7 @@ class Measure(Shared):
 
 
 @dataclass(frozen=True)
-class Fit(Shared):
+class FitCommand(Command):
     """Fit families of controllers to recordings of standing people (exploratory): parameters, reliability, comparison.
 
     Needs pip install 'icmj[fit]'. Each family is simulated, and its network trained, only once for all people.
@@ -281,7 +281,7 @@ class Fit(Shared):
 
 
 @dataclass(frozen=True)
-class Sweep(Shared):
+class SweepCommand(Command):
     """Compute a case at many points of its parameters and write Parquet files; an interrupted sweep can be resumed.
 
     Example: icmj sweep validity --out runs/out/validity
@@ -302,7 +302,7 @@ class Sweep(Shared):
 
 
 @dataclass(frozen=True)
-class Identify(Overrides):
+class IdentifyCommand(Overrides):
     """Estimate a model error and its uncertainty from a measured motion, or say that the motion does not determine it.
 
     The motion is a log; or, with --run, a file of event times, one per line, or of sampled outputs with their times.
@@ -333,7 +333,7 @@ class Identify(Overrides):
 
 
 @dataclass(frozen=True)
-class Experiment(Shared):
+class ExperimentCommand(Command):
     """Carry out a standard experiment on simulated cases or on recordings; an interrupted one can be resumed.
 
     Example: icmj experiment intersection-point --out runs/out/intersection-point
@@ -362,7 +362,7 @@ class Experiment(Shared):
 
 
 @dataclass(frozen=True)
-class Study(Overrides):
+class StudyCommand(Overrides):
     """Simulate cases on the linear plant and in MuJoCo; write logs, report.html and summary.json.
 
     Example: icmj study --out runs/out
@@ -383,7 +383,7 @@ class Study(Overrides):
 
 
 @dataclass(frozen=True)
-class Analyse(Overrides):
+class AnalyseCommand(Overrides):
     """Predict by linear theory: critical open-loop interval, eigenvalues that cross the unit circle, limit cycle.
 
     For a controller that is not intermittent, the characteristic roots of its loop are computed instead; for one that
@@ -399,7 +399,7 @@ class Analyse(Overrides):
 
 
 @dataclass(frozen=True)
-class Run(Overrides):
+class RunCommand(Overrides):
     """Simulate one case, write its log and compare the result with the prediction.
 
     The log contains this run alone. With --study it also contains what icmj study computes beside a prediction:
@@ -423,7 +423,7 @@ class Run(Overrides):
 
 
 @dataclass(frozen=True)
-class Cycle(Overrides):
+class CycleCommand(Overrides):
     """Find the periodic orbit, attracting or repelling, and its multipliers by Newton's method.
 
     Example: icmj cycle runs/simple-1.7.toml --plant mujoco
@@ -440,7 +440,7 @@ class Cycle(Overrides):
 
 
 @dataclass(frozen=True)
-class Continue(Overrides):
+class ContinueCommand(Overrides):
     """Follow a cycle as a parameter varies, through folds, up to its end; write the branch and its figure.
 
     Example: icmj continue runs/simple-1.7.toml --parameter b --from 1.7 --to 1.2 --branches
@@ -469,7 +469,7 @@ class Continue(Overrides):
 
 
 @dataclass(frozen=True)
-class Report(Shared):
+class ReportCommand(Command):
     """Build the comparison report from logs.
 
     Example: icmj report runs/out/simple-0.8.linear.rrd runs/out/simple-0.8.mujoco.rrd --out report.html
@@ -488,7 +488,7 @@ class Report(Shared):
 
 
 @dataclass(frozen=True)
-class Replay(Shared):
+class ReplayCommand(Command):
     """Open a log in the rerun viewer, serve it to a browser on this machine, or render a picture of it.
 
     Example: icmj replay runs/out/three-link-0.9.mujoco.rrd --screenshot pose.png --time 20
@@ -507,7 +507,7 @@ class Replay(Shared):
 
 
 @dataclass(frozen=True)
-class Live(Overrides):
+class LiveCommand(Overrides):
     """Write a page that simulates one case live in a browser, with sliders for b, threshold, delay and noise.
 
     The page is one file that needs no network and no installation. Its sliders start at the values of the run file.
@@ -521,13 +521,20 @@ class Live(Overrides):
     """HTML page to write."""
 
 
-GROUPS: dict[str, tuple[type[Shared], ...]] = {
-    "Begin": (Cases, New, Person, Linearise, Schema),
-    "Predict": (Analyse, Cycle, Continue),
-    "Simulate": (Run, Study, Live, Sweep, Experiment),
-    "Use the logs": (Report, Replay, Export, Measure, Identify, Fit),
+GROUPS: dict[str, tuple[type[Command], ...]] = {
+    "Begin": (CasesCommand, NewCommand, PersonCommand, LineariseCommand, SchemaCommand),
+    "Predict": (AnalyseCommand, CycleCommand, ContinueCommand),
+    "Simulate": (RunCommand, StudyCommand, LiveCommand, SweepCommand, ExperimentCommand),
+    "Use the logs": (ReportCommand, ReplayCommand, ExportCommand, MeasureCommand, IdentifyCommand, FitCommand),
 }
-COMMANDS: dict[str, type[Shared]] = {cls.__name__.lower(): cls for group in GROUPS.values() for cls in group}
+
+
+def name_command(cls: type[Command]) -> str:
+    """The word by which a command is called."""
+    return cls.__name__.removesuffix("Command").lower()
+
+
+COMMANDS: dict[str, type[Command]] = {name_command(cls): cls for group in GROUPS.values() for cls in group}
 
 DESCRIPTION = """Event-driven intermittent control of human standing: predict limit cycles from the linear theory,
 simulate them on the linear plant and in MuJoCo, and compare."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from icmj.base.array import Array
     from icmj.case.case import PlantKind
     from icmj.case.result import PredictedResult, Result
-    from icmj.cli.arguments import Identify, Sweep
+    from icmj.cli.arguments import IdentifyCommand, SweepCommand
     from icmj.cli.terminal import Terminal
     from icmj.fitting.identification import Identification
     from icmj.fitting.observed import Observed, Unknown
@@ -56,7 +56,7 @@ execute.register(files.fit)
 
 
 @execute.register
-def study(command: arguments.Study) -> None:
+def study(command: arguments.StudyCommand) -> None:
     """Run the study with a progress bar; print the table and where the files are."""
     from icmj.study.estimate import LONGEST
     from icmj.study.study import find_runs, run_study
@@ -80,7 +80,7 @@ def study(command: arguments.Study) -> None:
 
 
 @execute.register
-def analyse(command: arguments.Analyse) -> None:
+def analyse(command: arguments.AnalyseCommand) -> None:
     """Print the prediction for one run file."""
     from icmj.case.case import prepare
     from icmj.cli.printing import plain_prediction, show_roots, standing_in_words
@@ -128,7 +128,7 @@ def analyse(command: arguments.Analyse) -> None:
 
 
 @execute.register
-def run(command: arguments.Run) -> None:
+def run(command: arguments.RunCommand) -> None:
     """Simulate one case, write its log, and print the result beside the prediction if there is one."""
     from icmj.case.case import prepare
     from icmj.runfile.reading import load_run
@@ -214,7 +214,7 @@ def _peaks(result: PredictedResult) -> str:
 
 
 @execute.register
-def live(command: arguments.Live) -> None:
+def live(command: arguments.LiveCommand) -> None:
     """Write the page of one case."""
     from icmj.case.case import prepare
     from icmj.report.live import build_live
@@ -229,7 +229,7 @@ def live(command: arguments.Live) -> None:
 
 
 @execute.register
-def report(command: arguments.Report) -> None:
+def report(command: arguments.ReportCommand) -> None:
     """Build the report page from logs."""
     from icmj.cycle.branch import branches_among
     from icmj.log.reader import find_logs
@@ -260,7 +260,7 @@ def report(command: arguments.Report) -> None:
 
 
 @execute.register
-def export(command: arguments.Export) -> None:
+def export(command: arguments.ExportCommand) -> None:
     """Write rows and events of logs, say where they are."""
     from icmj.errors import DataError
     from icmj.log.reader import find_logs
@@ -274,7 +274,7 @@ def export(command: arguments.Export) -> None:
         _export(log, command)
 
 
-def _export(log: Path, command: arguments.Export) -> None:
+def _export(log: Path, command: arguments.ExportCommand) -> None:
     from icmj.errors import DataError
     from icmj.log.reader import read_log
     from icmj.series.reading import FORMATS, write_series
@@ -296,7 +296,7 @@ def _export(log: Path, command: arguments.Export) -> None:
 
 
 @execute.register
-def replay(command: arguments.Replay) -> None:
+def replay(command: arguments.ReplayCommand) -> None:
     """Open or serve logs, or picture one."""
     from icmj.log.reader import find_log, find_logs
     from icmj.log.reader import replay as show
@@ -311,7 +311,7 @@ def replay(command: arguments.Replay) -> None:
 
 
 @execute.register
-def person(command: arguments.Person) -> None:
+def person(command: arguments.PersonCommand) -> None:
     """Write a person's model and say what it is."""
     from icmj.engine.plant import shape_to_person
     from icmj.plant.body import Person
@@ -326,7 +326,7 @@ def person(command: arguments.Person) -> None:
 
 
 @execute.register
-def linearise(command: arguments.Linearise) -> None:
+def linearise(command: arguments.LineariseCommand) -> None:
     """Linearise an MJCF model and print it."""
     from icmj.cli.printing import plain_linearisation, save_plant, show_plant
     from icmj.engine.plant import load_plant
@@ -359,18 +359,18 @@ def linearise(command: arguments.Linearise) -> None:
 
 
 @execute.register
-def sweep(command: arguments.Sweep) -> None:
+def sweep(command: arguments.SweepCommand) -> None:
     """Compute a case at very many points."""
     carry_out_sweep(command, OUT, ERR)
 
 
 @execute.register
-def identify(command: arguments.Identify) -> None:
+def identify(command: arguments.IdentifyCommand) -> None:
     """Estimate a model error from measured motion."""
     carry_out_identification(command, OUT, ERR)
 
 
-def carry_out_identification(command: Identify, out: Terminal, err: Terminal) -> None:
+def carry_out_identification(command: IdentifyCommand, out: Terminal, err: Terminal) -> None:
     """Say of each motion which value of the unknown made it."""
     from icmj.fitting.identification import identify
     from icmj.log.reader import find_logs
@@ -393,7 +393,7 @@ def carry_out_identification(command: Identify, out: Terminal, err: Terminal) ->
         out.say(f"{name}{result.words}", wrap=False)
 
 
-def _read(command: Identify, path: Path) -> tuple[Unknown, Observed, PlantKind]:
+def _read(command: IdentifyCommand, path: Path) -> tuple[Unknown, Observed, PlantKind]:
     """The known run file, the observed motion, and its plant."""
     from icmj.fitting.observed import Observed, read_observed
     from icmj.log.reader import read_log
@@ -415,7 +415,7 @@ def _read(command: Identify, path: Path) -> tuple[Unknown, Observed, PlantKind]:
     return unknown, read_observed(path, tuple(outputs)), command.plant or "mujoco"
 
 
-def _unknown(command: Identify, run: RunFile) -> Unknown:
+def _unknown(command: IdentifyCommand, run: RunFile) -> Unknown:
     from icmj.errors import ModelError
     from icmj.fitting.observed import Unknown
     from icmj.plant.body import Change, What
@@ -443,7 +443,7 @@ def _record(path: Path, result: Identification) -> dict[str, object]:
     }
 
 
-def carry_out_sweep(command: Sweep, out: Terminal, err: Terminal) -> None:
+def carry_out_sweep(command: SweepCommand, out: Terminal, err: Terminal) -> None:
     """Carry out a sweep, or say what it would cost; what was finished stays, however it ends."""
     from icmj.study.sweep import carry_out as compute
     from icmj.study.sweep import make_plan

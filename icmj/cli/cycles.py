@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @execute.register
-def cycle(command: arguments.Cycle) -> None:
+def cycle(command: arguments.CycleCommand) -> None:
     """Find the cycle of one case and print it beside the prediction."""
     from icmj.case.case import prepare
     from icmj.cli.printing import show_cycle
@@ -107,7 +107,7 @@ def _reach(simulation: Simulation, period: float) -> tuple[Array, Array]:
 
 
 @execute.register
-def continue_(command: arguments.Continue) -> None:
+def continue_(command: arguments.ContinueCommand) -> None:
     """Follow a branch, and what branches off; store and list them."""
     from icmj.base.files import replaceable, write_bytes
     from icmj.case.case import doubt_setpoint

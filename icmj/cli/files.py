@@ -24,7 +24,7 @@ import numpy as np
 from icmj.base.numbers import amount, count
 from icmj.base.text import one_line
 from icmj.cli import arguments
-from icmj.cli.arguments import Cases, Experiment, Fit, New, Schema
+from icmj.cli.arguments import CasesCommand, ExperimentCommand, FitCommand, NewCommand, SchemaCommand
 from icmj.cli.terminal import ERR, OUT, Column, Terminal, Working, show_table
 from icmj.errors import FitError, IcmjError, RunFileError, StudyError
 
@@ -49,7 +49,7 @@ LISTED = {
 }
 
 
-def cases(command: Cases) -> None:
+def cases(command: CasesCommand) -> None:
     """List what comes with icmj, by name, with title and one sentence each."""
     from icmj.work.own_code import describe_shipped
 
@@ -75,7 +75,7 @@ def _paragraph(words: str, indent: str, style: str | None = None) -> None:
         OUT.say(line, style=style, wrap=False)
 
 
-def new(command: New) -> None:
+def new(command: NewCommand) -> None:
     """Write a file, and say what is in it and what may be done with it."""
     kind, of = str(command.what), command.of
     if kind not in ("run", *FILES, "recordings"):
@@ -95,7 +95,7 @@ FILES: dict[str, str] = {
 }  # fmt: skip
 
 
-def _new_run(given: Path, command: New) -> None:
+def _new_run(given: Path, command: NewCommand) -> None:
     """A run file for a model, or a copy of a shipped file."""
     from icmj.work.own_code import EXPERIMENTS, FAMILIES, RUNS, SWEEPS, model_file
 
@@ -124,7 +124,7 @@ def _new_run(given: Path, command: New) -> None:
     _tell(f"run file  {out}", *_describe_draft(draft), *_note_shipped(model), f"next      icmj analyse {out}")
 
 
-def _new_file(kind: Kind, given: Path | None, command: New) -> None:
+def _new_file(kind: Kind, given: Path | None, command: NewCommand) -> None:
     """A sweep, experiment or family file with every key, for a run file."""
     from icmj.base.files import write_text
     from icmj.case.case import prepare
@@ -204,7 +204,7 @@ def _new_table(recordings: tuple[Path, ...], out: Path) -> None:
     _tell(f"table     {out}", *notes, f"next      icmj fit --table {out} --model event")
 
 
-def schema(command: Schema) -> None:
+def schema(command: SchemaCommand) -> None:
     """Print the JSON Schema of a kind of file, or write it."""
     from icmj.base.files import replaceable, write_text
     from icmj.runfile.sweep_tables import json_schema
@@ -318,7 +318,7 @@ MOST = 6  # signals in one table
 RATE = 100.0  # Hz: at which a log is measured
 
 
-def measure(command: arguments.Measure) -> None:
+def measure(command: arguments.MeasureCommand) -> None:
     """Print the measures of sway in logs or a file."""
     from icmj.cli.printing import record, show_sway
     from icmj.errors import DataError
@@ -340,7 +340,7 @@ def measure(command: arguments.Measure) -> None:
             OUT.note(note)
 
 
-def _measure(path: Path, command: arguments.Measure) -> tuple[Sway, tuple[str, ...]]:
+def _measure(path: Path, command: arguments.MeasureCommand) -> tuple[Sway, tuple[str, ...]]:
     from icmj.errors import DataError
     from icmj.measurement.sway import from_torque, measure_sway
 
@@ -359,7 +359,7 @@ def _measure(path: Path, command: arguments.Measure) -> tuple[Sway, tuple[str, .
     return sway, notes
 
 
-def _signals(path: Path, command: arguments.Measure) -> tuple[Series, tuple[str, ...]]:
+def _signals(path: Path, command: arguments.MeasureCommand) -> tuple[Series, tuple[str, ...]]:
     """The series to be measured, from a log or a file, evenly sampled for a log or with a rate; and notes."""
     from icmj.series.reading import read_series
     from icmj.series.series import even_series
@@ -379,7 +379,7 @@ def _signals(path: Path, command: arguments.Measure) -> tuple[Series, tuple[str,
     return (series if command.rate is None else even_series(series, command.rate)), ()
 
 
-def experiment(command: Experiment) -> None:
+def experiment(command: ExperimentCommand) -> None:
     """Carry out an experiment, or analyse recordings as it says; what was finished stays, however it ends."""
     from icmj.runfile.experiment_tables import load_experiment
     from icmj.study.estimate import LONGEST
@@ -424,7 +424,7 @@ def _show_experiment(done: Done, out: Terminal) -> None:
 _COLUMNS, _REQUIRED = ("file", "column", "person", "group", "condition"), ("file", "person")
 
 
-def fit(command: Fit) -> None:
+def fit(command: FitCommand) -> None:
     """Fit families to recordings; whatever is finished stays, however it ends."""
     from icmj.fitting.family import DELAY, load_family
     from icmj.fitting.network import library
@@ -472,7 +472,7 @@ def fit(command: Fit) -> None:
         OUT.say(f"{what:<8} {command.out / path}", wrap=False)
 
 
-def people_of(command: Fit, progress: Callable[[str, float], None] = lambda what, done: None) -> list[Subject]:
+def people_of(command: FitCommand, progress: Callable[[str, float], None] = lambda what, done: None) -> list[Subject]:
     """Those whose recordings were given, or whom a table lists; the trials of a person and condition are one.
 
     Raises:

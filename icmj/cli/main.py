@@ -38,7 +38,7 @@ from icmj.base.text import attribute_docstrings, did_you_mean, one_line, spell
 from icmj.errors import IcmjError, beyond_arithmetic, beyond_memory
 
 if TYPE_CHECKING:
-    from icmj.cli.arguments import Given, Shared
+    from icmj.cli.arguments import Command, Given
 
 BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
 
@@ -209,7 +209,7 @@ class _Parser(argparse.ArgumentParser):
         raise IcmjError(f"{self.prog.removeprefix('icmj ')}: {message}; see {self.prog} --help")
 
 
-def parse(words: list[str]) -> Shared:
+def parse(words: list[str]) -> Command:
     """The command that the words of a command line ask for.
 
     Raises:
@@ -245,7 +245,7 @@ def parse(words: list[str]) -> Shared:
     if more:
         parser.error(f"one argument too many, {one_line(more[0], 80)}")
     values = {key: tuple(each) if isinstance(each, list) else each for key, each in vars(found).items()}
-    command: Callable[..., Shared] = COMMANDS[name]
+    command: Callable[..., Command] = COMMANDS[name]
     return command(**values)
 
 
@@ -253,7 +253,7 @@ def _near(option: str, known: Sequence[str]) -> str:
     return f"{one_line(option, 80)}{did_you_mean(option, known)}"
 
 
-def _fill(parser: argparse.ArgumentParser, cls: type[Shared], helped: bool, files: object = None) -> list[str]:
+def _fill(parser: argparse.ArgumentParser, cls: type[Command], helped: bool, files: object = None) -> list[str]:
     """Give a parser the arguments of a command, and its help; returns the names of the options.
 
     Args:
@@ -262,7 +262,7 @@ def _fill(parser: argparse.ArgumentParser, cls: type[Shared], helped: bool, file
         helped: whether its help is needed, too, which is read from the source.
         files: what completion for a shell offers where a path is expected.
     """
-    from icmj.cli.arguments import Given, Shared
+    from icmj.cli.arguments import Command, Given
 
     parser.description = "\n\n".join(
         textwrap.fill(" ".join(words.split()), shutil.get_terminal_size().columns - 2)
@@ -287,7 +287,7 @@ def _fill(parser: argparse.ArgumentParser, cls: type[Shared], helped: bool, file
             action = parser.add_argument(field, **how)
         else:
             names.append(f"--{(given.name or field).replace('_', '-')}")
-            place = general if field in get_type_hints(Shared) else parser
+            place = general if field in get_type_hints(Command) else parser
             flags = [given.short, names[-1]] if given.short else names[-1:]
             action = place.add_argument(*flags, dest=field, required=default is MISSING, **how)
         if how.get("metavar") in _PATHS:
@@ -366,13 +366,13 @@ def completion(shell: str) -> str:
 
 def overview() -> str:
     """The purpose of the program, and of each command in one sentence."""
-    from icmj.cli.arguments import DESCRIPTION, GROUPS
+    from icmj.cli.arguments import DESCRIPTION, GROUPS, name_command
 
     lines = ["usage: icmj COMMAND [OPTIONS]", "", *textwrap.wrap(" ".join(DESCRIPTION.split()), 78)]
     for group, classes in GROUPS.items():
         lines += ["", f"{group}:"]
         for cls in classes:
-            indent = f"  {cls.__name__.lower():<11}"
+            indent = f"  {name_command(cls):<11}"
             lines += textwrap.wrap(_purpose(cls), 78, initial_indent=indent, subsequent_indent=" " * 13)
     more = (
         ("icmj COMMAND --help", "options of a command, with an example"),
@@ -383,5 +383,5 @@ def overview() -> str:
     return "\n".join([*lines, "", "Example: icmj study"])
 
 
-def _purpose(cls: type[Shared]) -> str:
+def _purpose(cls: type[Command]) -> str:
     return " ".join((cls.__doc__ or "").partition("\n\n")[0].split())

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from icmj.case.case import Case
     from icmj.case.comparison import Comparison
     from icmj.case.result import Result
-    from icmj.cli.arguments import Continue
+    from icmj.cli.arguments import ContinueCommand
     from icmj.cli.terminal import Terminal
     from icmj.controller.delayed import SwitchingPD
     from icmj.cycle.switched import SwitchedCycle
@@ -397,7 +397,7 @@ def show_cycle(case: Case, json: bool) -> None:
     OUT.say(f"multipliers {shown}; it closes to {found.closure:.0e}.")
 
 
-def show_branch(command: Continue, run: RunFile) -> None:
+def show_branch(command: ContinueCommand, run: RunFile) -> None:
     """Follow the cycle along a parameter of the controller, and list it.
 
     Raises:

@@ -27,10 +27,10 @@ from icmj.cycle.curve import (
     CLOSED,
     FINE,
     Curve,
-    Family,
     Miss,
     Point,
     Range,
+    ReturnMaps,
     add_derivative,
     correct,
     parameter,
@@ -386,10 +386,10 @@ def follow(
     first = of.value(run) if start_at is None else start_at
     over, run = Range(first, to), of.put(run, first)
     if isinstance(start, Guess):
-        family, guess = Family(run, of, plant), start
+        family, guess = ReturnMaps(run, of, plant), start
     else:
         theory = expect_theory(case := prepare(run), "a branch of cycles")
-        family = Family(run, of, plant, case)
+        family = ReturnMaps(run, of, plant, case)
         with prefix_errors(run.path):
             guess = _guess(theory, family.at(first), start)
     curve = Curve(family, over, guess.p, guess.sign, guess.scale, _size(family, over.start))
@@ -441,7 +441,7 @@ def branch_off(
     sign = 1 if doubled else branch.sign
     low, high = float(branch.value.min()), float(branch.value.max())
     over = Range(low, high) if to is None else Range(low if to > special.value else high, to)
-    family = Family(branch.run, of, branch.plant)
+    family = ReturnMaps(branch.run, of, branch.plant)
     size = _size(family, float(branch.value[0]))
     curve = Curve(family, over, p, sign, branch.scale, size)
     curve.patient(float(special.intervals.max()))
@@ -489,7 +489,7 @@ def _guess(theory: Theory, loop: ReturnMap, start: Start) -> Guess:
     return from_simulation(loop, theory.system.T_hat)
 
 
-def _size(family: Family, value: float) -> float:
+def _size(family: ReturnMaps, value: float) -> float:
     return float(getattr(family.at(value).controller.trigger, "size", 1.0))
 
 

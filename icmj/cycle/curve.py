@@ -130,7 +130,7 @@ def parameter(name: str) -> Parameter:
     )
 
 
-class Family:
+class ReturnMaps:
     """Return maps of a run file as a function of a parameter, without the prediction, which would cost time.
 
     Attributes:
@@ -275,7 +275,7 @@ class Curve:
         flights: how many intervals were flown.
     """
 
-    def __init__(self, family: Family, over: Range, p: int, sign: int, scale: Array, size: float) -> None:
+    def __init__(self, family: ReturnMaps, over: Range, p: int, sign: int, scale: Array, size: float) -> None:
         self.family, self.range, self.p, self.sign = family, over, p, sign
         self.scale, self.size = scale, size
         self.longest, self.weight = 0.0, 1.0

@@ -52,7 +52,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.files import read_bytes
-from icmj.base.process import INTERPRETED, Shared, ignore_warnings, run_bounded
+from icmj.base.process import INTERPRETED, SharedBlock, ignore_warnings, run_bounded
 from icmj.base.text import one_line
 from icmj.errors import ModelError, SimulationError
 from icmj.plant.linear_plant import LinearPlant
@@ -90,7 +90,7 @@ def _take_callbacks() -> dict[str, tuple[Any, int]]:
 
 
 _CALLBACKS = [name[4:] for name in dir(mujoco) if name.startswith(("get_mjcb_", "get_mju_user_warning"))]
-_shared = _alone if INTERPRETED else Shared(_alone)
+_shared = _alone if INTERPRETED else SharedBlock(_alone)
 _turn = threading.RLock() if INTERPRETED else nullcontext()
 
 

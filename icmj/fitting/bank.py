@@ -92,7 +92,7 @@ def simulate_draw(
     return np.stack(found)
 
 
-class Reader:
+class DrawReader:
     """Reads the files of draws in the folder of a bank."""
 
     def __init__(self, folder: Folder, parameters: int, trials: int) -> None:
@@ -276,7 +276,7 @@ def simulate_bank(
     of = _describe(family, plan)
     # several may write there, each whole files with the same bits
     with resume(folder, of, FitError, again="simulated", instead="choose another folder", alone=False) as home:
-        reader, draws = Reader(home, len(family.prior), trials), home.path / DRAWS
+        reader, draws = DrawReader(home, len(family.prior), trials), home.path / DRAWS
         parts = [range(first, min(first + chunk, n)) for first in range(0, n, chunk)]
         home.expect_readable(draws / _name(part.start) for part in parts)
         left = [part for part in parts if reader.count(draws / _name(part.start)) < len(part)]
@@ -308,7 +308,7 @@ def read_bank(folder: Path | str, family: Family | None = None) -> Bank:
     family = family or load_family(Path(facts.path))
     if facts.family != _mark(family, facts.trials, facts.duration):
         raise FitError(f"{folder}: is a bank of another family than {family.file.path}; simulate it anew")
-    reader = Reader(home, len(family.prior), facts.trials)
+    reader = DrawReader(home, len(family.prior), facts.trials)
     parts: list[tuple[Array, ...]] = []
     count = 0
     paths = sorted((home.path / DRAWS).glob("[0-9]*.parquet"))

@@ -405,7 +405,7 @@ _LATE = 1.0  # residual of an event that does not come, in mean intervals
 
 
 @dataclass(frozen=True)
-class Fit:
+class SequenceFit:
     """The best value, the half width of its 95 % confidence, and the residual of an event in mean intervals."""
 
     value: float
@@ -437,7 +437,7 @@ class Sequence:
         off[: len(found)] = (found - times[: len(found)]) / self._scale
         return off
 
-    def fit(self) -> Fit:
+    def fit(self) -> SequenceFit:
         """The value whose events are nearest to those observed."""
         grid = np.linspace(self._unknown.low, self._unknown.high, _SEQUENCE_POINTS)
         count = min(_FIRST, len(self._times))
@@ -456,7 +456,7 @@ class Sequence:
         slope = float(np.linalg.norm(found.jac))
         size = max(size, 1e-9)  # as far as times of events are exact
         error = size / slope * float(student.ppf(0.975, max(n - 1, 1))) if slope > 0 else float("inf")
-        return Fit(float(value), error, size)
+        return SequenceFit(float(value), error, size)
 
     def _least(self, value: float, count: int, low: float, high: float, plant: PlantKind = "linear"):  # type: ignore[no-untyped-def]
         return least_squares(

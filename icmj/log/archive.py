@@ -43,14 +43,14 @@ from icmj.measurement.measurement import Measurement
 from icmj.measurement.statistics import Estimate, Spectrum, Statistics
 from icmj.plant.linear_plant import LinearPlant, Push
 from icmj.runfile.reading import parse_run
-from icmj.runfile.schema import MOST_BYTES, Kept, RunFile
+from icmj.runfile.schema import MOST_BYTES, BundledFiles, RunFile
 from icmj.simulation.disturbance import acting_on, collect_drives
 from icmj.simulation.ending import Outcome
 from icmj.simulation.simulation import Events, Labels, Pressure, Simulation
 from icmj.theory.circle import Crossing
 from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import Prediction
-from icmj.theory.reduction import Family, NeutralMode
+from icmj.theory.reduction import NeutralMode, OrbitFamily
 
 if TYPE_CHECKING:
     from icmj.case.result import PredictedResult
@@ -370,7 +370,7 @@ def _require(good: bool, where: str, otherwise: str) -> None:
 
 _DATA: tuple[type, ...] = (
     *(LinearPlant, Push, Design, Hold, Delay, Setpoint, Controller, *TRIGGERS),
-    *(Crossing, NeutralMode, Family, Orbit, Prediction),
+    *(Crossing, NeutralMode, OrbitFamily, Orbit, Prediction),
     *(Events, Labels, Outcome, Pressure, Simulation, Measurement),
     *(Estimate, Spectrum, Statistics),
     *(Growth, AmplitudeLaw, Attractor, Result),
@@ -378,6 +378,7 @@ _DATA: tuple[type, ...] = (
     *(SwitchingPD, Channel, SwitchingChannels, DelayedPID, PredictorController),
 )
 _CLASSES = {cls.__name__: cls for cls in _DATA}
+_FORMER = {"Family": OrbitFamily}  # as logs of before call them
 _LEFT_OUT = {("Result", "scene")}  # stored as what it is for, the 3D entities
 
 _KINDS = "fciub"  # float, complex, integers, bool
@@ -495,14 +496,14 @@ def _decode(value: Any, arrays: Flat) -> Any:
         run = parse_run(value["@run"], value["path"]).recall(value.get("changes", {}))
         files = {str(name): _decode(content, arrays).tobytes() for name, content in value.get("files", ())}
         told = {key: str(text) for key, text in value.get("kept", {}).items()}
-        return run.keeping(Kept(files=files, **told)) if files else run
+        return run.keeping(BundledFiles(files=files, **told)) if files else run
     parts = {k: _decode(v, arrays) for k, v in value.items() if k != "@"}
     if value.get("@") == "Tried":  # a run without a prediction, as it was called before
         return Result(controller=parts.pop("law"), prediction=None, **parts)
-    return _CLASSES[value["@"]](**parts) if "@" in value else parts
+    return (_FORMER | _CLASSES)[value["@"]](**parts) if "@" in value else parts
 
 
-def keep_files(run: RunFile) -> Kept:
+def keep_files(run: RunFile) -> BundledFiles:
     """The files of a run file: as they are on disk, else as the log had them that it was read from; or none."""
     home = run.path.absolute()
     try:
@@ -520,4 +521,4 @@ def keep_files(run: RunFile) -> Kept:
         path.relative_to(root).as_posix() if name and (Path(name).is_absolute() or path != home.parent / name) else ""
         for name, path in zip(named, paths, strict=True)
     ]
-    return Kept(home.relative_to(root).as_posix(), contents, *absolute)
+    return BundledFiles(home.relative_to(root).as_posix(), contents, *absolute)

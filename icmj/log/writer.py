@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class Entity:
     """Series of one kind that share their times: one entity of the log.
 
     Attributes:
@@ -81,7 +81,7 @@ class Group:
         return "Off" if len(self.t) < 3000 else "MinMax"
 
 
-def groups(result: Result) -> Iterator[Group]:
+def groups(result: Result) -> Iterator[Entity]:
     """Every group of series of ``result``; those that do not exist (no cycle, no trigger ...) are left out."""
     yield from _signals(result) if has_prediction(result) else _bare_signals(result)
     yield from acting_groups(result)
@@ -92,10 +92,10 @@ def groups(result: Result) -> Iterator[Group]:
         yield from _modes(result)
     run = result.simulation
     if run.mode.size:
-        yield Group("mode/run", run.t, run.mode[:, None].astype(float), (", ".join(run.modes),), (figure.RUNNING,))
+        yield Entity("mode/run", run.t, run.mode[:, None].astype(float), (", ".join(run.modes),), (figure.RUNNING,))
 
 
-def _bare_signals(result: Result) -> Iterator[Group]:
+def _bare_signals(result: Result) -> Iterator[Entity]:
     """Outputs, inputs and states of a run with nothing to be compared with."""
     run, plant = result.simulation, result.actual
     for path, values, names in (
@@ -103,11 +103,11 @@ def _bare_signals(result: Result) -> Iterator[Group]:
         ("inputs/run", run.u, plant.inputs),
         ("states/plant", run.x, plant.states),
     ):
-        yield Group(path, run.t, values, names, figure.series(len(names)))
+        yield Entity(path, run.t, values, names, figure.series(len(names)))
     yield from setpoint_groups(run)
 
 
-def _signals(result: PredictedResult) -> Iterator[Group]:
+def _signals(result: PredictedResult) -> Iterator[Entity]:
     """Outputs, inputs and states: continuous, predicted and run, in this (alphabetical) order drawn on each other."""
     simulation, continuous, prediction = result.simulation, result.continuous, result.prediction
     y_names, u_names = result.actual.outputs, result.actual.inputs
@@ -117,29 +117,29 @@ def _signals(result: PredictedResult) -> Iterator[Group]:
         y, u = (laid.at(simulation.t, signal) for signal in (laid.orbit.y, laid.orbit.u))
         for where, values, names, colours in (("outputs", y, y_names, y_colours), ("inputs", u, u_names, u_colours)):
             dim = tuple(figure.dim(colour) for colour in colours)
-            yield Group(f"{where}/predicted", simulation.t, values, ("predicted orbit",) * len(names), dim, 5.0)
+            yield Entity(f"{where}/predicted", simulation.t, values, ("predicted orbit",) * len(names), dim, 5.0)
     if continuous is not None:
         for where, values, names in (("outputs", continuous.y, y_names), ("inputs", continuous.u, u_names)):
             grey = (figure.CONTINUOUS,) * len(names)
-            yield Group(f"{where}/continuous", continuous.t, values, ("continuous control",) * len(names), grey, 1.0)
-    yield Group("outputs/run", simulation.t, simulation.y, y_names, y_colours)
+            yield Entity(f"{where}/continuous", continuous.t, values, ("continuous control",) * len(names), grey, 1.0)
+    yield Entity("outputs/run", simulation.t, simulation.y, y_names, y_colours)
     yield from setpoint_groups(simulation)
     events, u_after = simulation.events, simulation.u_after(result.controller)
-    yield Group("inputs/run", *with_resets(simulation, simulation.u, u_after), u_names, u_colours)
+    yield Entity("inputs/run", *with_resets(simulation, simulation.u, u_after), u_names, u_colours)
     for path, (t, values), names in (
         ("states/plant", (simulation.t, simulation.x), result.actual.states),
         ("states/observer", (simulation.t, simulation.x_o), result.assumed.states),
         ("states/hold", with_resets(simulation, simulation.x_h, events.x_o), result.assumed.states),
     ):
-        yield Group(path, t, values, names, figure.series(len(names)))
+        yield Entity(path, t, values, names, figure.series(len(names)))
 
 
-def setpoint_groups(simulation: Simulation) -> Iterator[Group]:
+def setpoint_groups(simulation: Simulation) -> Iterator[Entity]:
     """The set-point that a run followed, if any."""
     if simulation.setpoint:
         names = tuple(f"set-point {name}" for name in simulation.setpoint.names)
         colours = tuple(figure.pale(colour) for colour in figure.series(len(names)))
-        yield Group("outputs/setpoint", *_upright(simulation.setpoint, simulation.t), names, colours, 1.0)
+        yield Entity("outputs/setpoint", *_upright(simulation.setpoint, simulation.t), names, colours, 1.0)
 
 
 def _upright(r: Setpoint, t: Array) -> tuple[Array, Array]:
@@ -151,24 +151,24 @@ def _upright(r: Setpoint, t: Array) -> tuple[Array, Array]:
     return when[order], values[order]
 
 
-def acting_groups(result: Result) -> Iterator[Group]:
+def acting_groups(result: Result) -> Iterator[Entity]:
     """The inputs that act on the plant where they differ from the command: limited, and with disturbances."""
     inputs = acting(result)
     if inputs:
         names = tuple(f"{result.actual.inputs[i]}, what acts" for i in inputs)
         colours = tuple(figure.pale(figure.series(result.actual.n_u)[i]) for i in inputs)
         values = np.ascontiguousarray(result.simulation.applied[:, inputs])
-        yield Group("inputs/what_acts", result.simulation.t, values, names, colours, 1.0)
+        yield Entity("inputs/what_acts", result.simulation.t, values, names, colours, 1.0)
     run = result.simulation
     if run.pushes:
         names = tuple(
             f"push on {name}{in_brackets(unit)}" for name, unit in zip(run.push_names, run.push_units, strict=True)
         )
         colours = tuple(figure.pale(colour) for colour in figure.series(len(names)))
-        yield Group("inputs/pushes", run.t, np.ascontiguousarray(run.push_values), names, colours, 1.0)
+        yield Entity("inputs/pushes", run.t, np.ascontiguousarray(run.push_values), names, colours, 1.0)
 
 
-def pressure_groups(result: Result) -> Iterator[Group]:
+def pressure_groups(result: Result) -> Iterator[Entity]:
     """Centre of pressure, its value at rest, and the load of each contact."""
     simulation, pressure = result.simulation, result.simulation.pressure
     if pressure is None:
@@ -178,7 +178,7 @@ def pressure_groups(result: Result) -> Iterator[Group]:
     colours = figure.series(len(axes))
     rest = np.tile(pressure.at_rest[there], (2, 1))
     dim = tuple(figure.dim(colour) for colour in colours)
-    yield Group("pressure/at_rest", simulation.t[[0, -1]], rest, ("at rest",) * len(axes), dim, 1.5)
+    yield Entity("pressure/at_rest", simulation.t[[0, -1]], rest, ("at rest",) * len(axes), dim, 1.5)
     for path, values, after, names in (
         ("pressure/centre", pressure.centre[:, there], pressure.centre_after[:, there], axes),
         ("load/borne", pressure.load, pressure.load_after, pressure.geoms),
@@ -186,10 +186,10 @@ def pressure_groups(result: Result) -> Iterator[Group]:
         t = simulation.t
         if len(after):
             t, values = with_resets(simulation, values, after)
-        yield Group(path, t, np.ascontiguousarray(values), names, figure.series(len(names)))
+        yield Entity(path, t, np.ascontiguousarray(values), names, figure.series(len(names)))
 
 
-def _trigger(result: PredictedResult) -> Iterator[Group]:
+def _trigger(result: PredictedResult) -> Iterator[Entity]:
     """The hold error over its threshold, which E is computed from, the level of an event, and the events on it."""
     simulation, controller = result.simulation, result.controller
     faces = controller.trigger.faces(controller.design)
@@ -198,30 +198,30 @@ def _trigger(result: PredictedResult) -> Iterator[Group]:
     events = simulation.events
     share = np.sqrt(np.maximum(1 + simulation.E[:, None] / faces.unit, 0))  # E = unit · (share² − 1)
     t, share = with_resets(simulation, share, np.zeros((len(events), 1)))
-    yield Group("trigger/threshold", simulation.t[[0, -1]], np.ones((2, 1)), ("threshold",), (figure.LEVEL,), 1.5)
-    yield Group("trigger/E", t, share, ("hold error / threshold",), (figure.E,))
+    yield Entity("trigger/threshold", simulation.t[[0, -1]], np.ones((2, 1)), ("threshold",), (figure.LEVEL,), 1.5)
+    yield Entity("trigger/E", t, share, ("hold error / threshold",), (figure.E,))
     if len(events):
         at = np.ones((len(events), 1))
-        yield Group("trigger/events", events.t, at, ("event",), (figure.EVENT,), 3.0, "points")
+        yield Entity("trigger/events", events.t, at, ("event",), (figure.EVENT,), 3.0, "points")
 
 
-def _intervals(result: PredictedResult) -> Iterator[Group]:
+def _intervals(result: PredictedResult) -> Iterator[Entity]:
     """Open-loop interval as it runs and at events, with Δ_crit."""
     simulation, prediction = result.simulation, result.prediction
     if simulation.control == "continuous":
         return
     t, since = running_interval(simulation)
-    yield Group("interval/running", t, since[:, None], ("time since last event",), (figure.RUNNING,), 1.0)
+    yield Entity("interval/running", t, since[:, None], ("time since last event",), (figure.RUNNING,), 1.0)
     if prediction.delta_crit is not None:
         name = "Δ_crit" if prediction.cycle else "Δ_crit (no cycle predicted)"
         line = np.full((2, 1), prediction.delta_crit)
-        yield Group("interval/delta_crit", simulation.t[[0, -1]], line, (name,), (figure.LEVEL,), 1.5)
+        yield Entity("interval/delta_crit", simulation.t[[0, -1]], line, (name,), (figure.LEVEL,), 1.5)
     if len(simulation.events):
         at = simulation.events.interval[:, None]
-        yield Group("interval/events", simulation.events.t, at, ("Δ_i",), (figure.EVENT,), 4.0, "points")
+        yield Entity("interval/events", simulation.events.t, at, ("Δ_i",), (figure.EVENT,), 4.0, "points")
 
 
-def _modes(result: PredictedResult) -> Iterator[Group]:
+def _modes(result: PredictedResult) -> Iterator[Entity]:
     """χ, its real part, with ±γ and the critical mode at the events."""
     simulation, prediction = result.simulation, result.prediction
     if prediction.V_inv is None:
@@ -230,15 +230,15 @@ def _modes(result: PredictedResult) -> Iterator[Group]:
     if chi.shape[1] > 1:
         others = ("other modes",) * (chi.shape[1] - 1)
         grey = (figure.OTHER_MODES,) * len(others)
-        yield Group("modes/others", simulation.t, np.ascontiguousarray(chi[:, 1:]), others, grey, 1.0)
+        yield Entity("modes/others", simulation.t, np.ascontiguousarray(chi[:, 1:]), others, grey, 1.0)
     if prediction.gamma is not None:
         lines = np.outer([1, 1], [prediction.gamma, -prediction.gamma])
-        yield Group("modes/gamma", simulation.t[[0, -1]], lines, ("γ", "−γ"), (figure.LEVEL,) * 2, 1.5)
-    yield Group("modes/critical", simulation.t, chi[:, :1].copy(), ("critical mode",), (figure.CRITICAL,))
+        yield Entity("modes/gamma", simulation.t[[0, -1]], lines, ("γ", "−γ"), (figure.LEVEL,) * 2, 1.5)
+    yield Entity("modes/critical", simulation.t, chi[:, :1].copy(), ("critical mode",), (figure.CRITICAL,))
     if len(simulation.events):
         events = simulation.events
         at = modes(result, reduce_state(result, events.x, events.x_o, events.x_h)).real[:, :1].copy()
-        yield Group("modes/events", events.t, at, ("event",), (figure.EVENT,), 3.0, "points")
+        yield Entity("modes/events", events.t, at, ("event",), (figure.EVENT,), 3.0, "points")
 
 
 Properties = dict[str, dict[str, float | int | bool | str]]
@@ -484,7 +484,7 @@ def _write(result: Result, tree: str, arrays: archive.Flat, sink: Path) -> None:
     recording.disconnect()
 
 
-def _write_group(recording: rr.RecordingStream, group: Group) -> None:
+def _write_group(recording: rr.RecordingStream, group: Entity) -> None:
     colours, names = list(group.colours), list(group.names)
     style = (
         rr.SeriesPoints(colors=colours, names=names, marker_sizes=[group.width] * len(names))

@@ -70,7 +70,7 @@ _RANK, _NEUTRAL, _SHARE = 1e-7, 1e-4, 0.1
 
 
 @dataclass(frozen=True)
-class Mode:
+class PlantMode:
     """An eigenvalue of A and the states that take part in it.
 
     Attributes:
@@ -87,20 +87,22 @@ class Mode:
         return self.eigenvalue.real < -_NEUTRAL * max(1.0, abs(self.eigenvalue))
 
 
-def neutral(plant: LinearPlant) -> tuple[Mode, ...]:
+def neutral(plant: LinearPlant) -> tuple[PlantMode, ...]:
     """Modes with eigenvalue zero, such as integrators and positions without a preferred value."""
     values, vectors = np.linalg.eig(plant.A)
     size = max(1.0, float(np.abs(values).max(initial=0.0)))
-    found = [Mode(0j, _names(plant, v)) for λ, v in zip(values, vectors.T, strict=True) if abs(λ) < _NEUTRAL * size]
+    found = [
+        PlantMode(0j, _names(plant, v)) for λ, v in zip(values, vectors.T, strict=True) if abs(λ) < _NEUTRAL * size
+    ]
     return tuple(dict.fromkeys(found))
 
 
-def unobservable(plant: LinearPlant) -> tuple[Mode, ...]:
+def unobservable(plant: LinearPlant) -> tuple[PlantMode, ...]:
     """Modes that no output shows (Popov, Belevitch, Hautus): C v = 0 for a right eigenvector v."""
     return _find_hidden(plant, plant.A, plant.C)
 
 
-def uncontrollable(plant: LinearPlant) -> tuple[Mode, ...]:
+def uncontrollable(plant: LinearPlant) -> tuple[PlantMode, ...]:
     """Modes that no input moves: wᵀB = 0 for a left eigenvector w."""
     return _find_hidden(plant, plant.A.T, plant.B.T)
 
@@ -134,19 +136,19 @@ def adrift(plant: LinearPlant) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _find_hidden(plant: LinearPlant, A: Array, C: Array) -> tuple[Mode, ...]:
+def _find_hidden(plant: LinearPlant, A: Array, C: Array) -> tuple[PlantMode, ...]:
     # rows and outputs brought to one size, so that neither units nor a weak input look like a missing rank
     size = max(1.0, float(np.abs(A).max(initial=0.0)))
     rows = np.linalg.norm(C, axis=1, keepdims=True)
     seen = size * C / np.where(rows > 0, rows, 1.0)
-    modes: dict[Mode, None] = {}
+    modes: dict[PlantMode, None] = {}
     for λ in np.linalg.eigvals(A):
         if λ.imag < 0:
             continue
         _, values, V = np.linalg.svd(np.vstack([A - λ * np.eye(plant.n), seen]))
         for value, v in zip(values, V.conj(), strict=True):
             if value < _RANK * size:
-                modes[Mode(complex(np.round(λ, 4)) + 0, _names(plant, v))] = None
+                modes[PlantMode(complex(np.round(λ, 4)) + 0, _names(plant, v))] = None
     return tuple(modes)
 
 
@@ -299,9 +301,9 @@ class Quality:
     margins: tuple[Margin, ...] = ()
     room: tuple[Margin, ...] = ()
     feedthrough: tuple[str, ...] = ()
-    neutral: tuple[Mode, ...] = ()
-    uncontrollable: tuple[Mode, ...] = ()
-    unobservable: tuple[Mode, ...] = ()
+    neutral: tuple[PlantMode, ...] = ()
+    uncontrollable: tuple[PlantMode, ...] = ()
+    unobservable: tuple[PlantMode, ...] = ()
     idle: tuple[str, ...] = ()
     excesses: tuple[Excess, ...] = ()
     dead: tuple[str, ...] = ()
@@ -381,7 +383,7 @@ class Quality:
             )
             yield Notice("time step", "warning", words)
 
-    def _unmoved(self, mode: Mode) -> str:
+    def _unmoved(self, mode: PlantMode) -> str:
         words = f"no input moves {_list(mode.states)}, and it does not come to rest by itself ({_pole(mode)})"
         idle = tuple(name for name in self.idle if name in mode.states)
         if mode.eigenvalue == 0 and idle:
@@ -397,7 +399,7 @@ def notice_omission(names: tuple[str, ...]) -> Notice:
     return Notice("dropped state", "warning", words)
 
 
-def _unseen(mode: Mode) -> str:
+def _unseen(mode: PlantMode) -> str:
     does = "do" if len(mode.states) > 1 else "does"
     if abs(mode.eigenvalue) == 0:
         named = ", ".join(f'"{name}"' for name in mode.states)
@@ -405,7 +407,7 @@ def _unseen(mode: Mode) -> str:
     return f"no output shows {_list(mode.states)}, and it does not come to rest by itself ({_pole(mode)})"
 
 
-def _pole(mode: Mode) -> str:
+def _pole(mode: PlantMode) -> str:
     λ = mode.eigenvalue
     return f"eigenvalue {λ.real:.3g} rad/s" if λ.imag == 0 else f"eigenvalue {λ.real:.3g} ± {abs(λ.imag):.3g}j rad/s"
 

@@ -33,7 +33,7 @@ MOST = 20_000_000  # cells of a map
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class MapGrid:
     """Two things that vary, every value of the one with every value of the other.
 
     Attributes:
@@ -63,7 +63,7 @@ class Grid:
                 way("log")
 
 
-def grid(swept: SweepTable, x: str, y: str) -> Grid:
+def grid(swept: SweepTable, x: str, y: str) -> MapGrid:
     """The grid of two columns.
 
     Raises:
@@ -78,7 +78,7 @@ def grid(swept: SweepTable, x: str, y: str) -> Grid:
         raise ReportError(f"sweep {swept.name!r}: {x} and {y} are not on a grid; give both of them low, high and count")
     row = np.full((len(ys), len(xs)), -1)
     row[j, i] = np.arange(len(i))
-    return Grid(xs, ys, row)
+    return MapGrid(xs, ys, row)
 
 
 def edges(values: Array, logarithmic: bool = False) -> Array:
@@ -201,7 +201,7 @@ def draw_validity(axes: Axes, swept: SweepTable, x: str, y: str, plant: str | No
     return mesh
 
 
-def regions(swept: SweepTable, laid: Grid, plant: str) -> Any:
+def regions(swept: SweepTable, laid: MapGrid, plant: str) -> Any:
     """The result at each point: cycle (the predicted one), elsewhere, fell, open; nothing if it is not finished."""
     outcome, kind = swept.texts(f"{plant}_outcome"), swept.texts(f"{plant}_kind")
     predicted = swept.texts(f"{plant}_on_predicted")
@@ -234,7 +234,7 @@ def hatch(axes: Axes, cells: tuple[Array, Array], inside: Any, pattern: str) -> 
     )
 
 
-def _contours(axes: Axes, laid: Grid, size: Array) -> None:
+def _contours(axes: Axes, laid: MapGrid, size: Array) -> None:
     if np.isfinite(size).sum() < 4:
         return
     levels = [np.log10(level) for level in LEVELS]

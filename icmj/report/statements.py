@@ -299,20 +299,20 @@ def find_untested(cases: Sequence[CaseRuns]) -> list[Statement]:
 
 
 @dataclass(frozen=True)
-class Difference:
+class Departure:
     """Where this project departs from the paper, and why."""
 
     title: str
     text: str
 
 
-def differences(cases: Sequence[CaseRuns]) -> list[Difference]:
+def differences(cases: Sequence[CaseRuns]) -> list[Departure]:
     """The departures that concern these cases."""
     figures = {case.first.run.case.paper.figure for case in cases} - {""}
     found = []
     if "simple-neglected" in figures:
         found.append(
-            Difference(
+            Departure(
                 "A probable misprint",
                 "For the neglected dynamics the paper prints a damping ratio ζ = 0.5 (and omits a factor s next to "
                 "it). With this value the recovered design has Δ_crit = 2.169 s and a stable A − Bk; the paper has "
@@ -323,7 +323,7 @@ def differences(cases: Sequence[CaseRuns]) -> list[Difference]:
         )
     if any(figure.startswith("three=") for figure in figures):
         found.append(
-            Difference(
+            Departure(
                 "The three-link plant is a calibration",
                 "The paper takes its standing model from earlier work and prints none of its parameters. Here the "
                 "segments are those of Winter (2009) for a person of 80 kg and 1.80 m; passive stiffness and damping "
@@ -332,7 +332,7 @@ def differences(cases: Sequence[CaseRuns]) -> list[Difference]:
         )
     if figures:
         found.append(
-            Difference(
+            Departure(
                 "The design was recovered",
                 "The paper prints no weights. One set of LQ weights was found by a search such that the intervals of "
                 "its two second-order systems agree with the printed ones; it is used for all of them. These intervals "
@@ -341,7 +341,7 @@ def differences(cases: Sequence[CaseRuns]) -> list[Difference]:
             )
         )
         found.append(
-            Difference(
+            Departure(
                 "Choices of this study",
                 "The paper does not print Q_t, q_t, Δ_min, initial states and durations either. Δ_crit does not depend "
                 "on them; they determine the amplitude, and which attractor a run reaches.",

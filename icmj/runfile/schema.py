@@ -155,7 +155,7 @@ MOST_BYTES = 10_000_000  # of all files together; a log of more goes without the
 
 
 @dataclass(frozen=True)
-class Kept:
+class BundledFiles:
     """Files by their paths below a folder that holds them all, and the run file, too.
 
     Attributes:
@@ -269,7 +269,7 @@ class RunFile(TomlTable):
     _path: Path = PrivateAttr(default=Path("run.toml"))
     _disowned: bool = PrivateAttr(default=False)
     _allows_code: bool = PrivateAttr(default=False)
-    _kept: Kept = PrivateAttr(default_factory=Kept)
+    _kept: BundledFiles = PrivateAttr(default_factory=BundledFiles)
     _changes: dict[str, str] = PrivateAttr(default_factory=dict)  # by key, in the order in which they were made
     _of_file: dict[str, Any] = PrivateAttr(default_factory=dict)  # what the file had, of each key that was changed
 
@@ -447,11 +447,11 @@ class RunFile(TomlTable):
         return self._path
 
     @property
-    def kept(self) -> Kept:
+    def kept(self) -> BundledFiles:
         """The files to which it refers, if it was read from a log that contains them; otherwise empty."""
         return self._kept
 
-    def keeping(self, kept: Kept) -> RunFile:
+    def keeping(self, kept: BundledFiles) -> RunFile:
         """The same run file with these files."""
         same = self.model_copy()
         same._kept = kept

@@ -41,7 +41,7 @@ _Plant = Literal["linear", "mujoco"]
 _Word = Annotated[str, StringConstraints(max_length=300, pattern=r"^[^\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]*$")]
 
 
-class SweepTable(TomlTable):
+class SweepHeadTable(TomlTable):
     """Name and title of the sweep, its run file, and how samples are drawn."""
 
     name: Name
@@ -149,7 +149,7 @@ class AskTable(TomlTable):
 class SweepFile(FileOfRuns):
     """A validated sweep file; ``base`` is the run file that it names."""
 
-    sweep: SweepTable
+    sweep: SweepHeadTable
     """Name, run file and sampling."""
     vary: Annotated[list[VaryTable], Field(min_length=1, max_length=20)]
     """Fields or changes that vary."""

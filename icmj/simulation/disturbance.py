@@ -510,7 +510,7 @@ def ternary_lines(size: float, interval: float, highest: float) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
+class ControllerRows:
     """Rows of the controller's state as they are recorded.
 
     Attributes:
@@ -525,10 +525,10 @@ class Kept:
     E: Array
 
 
-def keep_rows(controller: Controller, x_o: Array, x_h: Array, e: Array | None = None) -> Kept:
+def keep_rows(controller: Controller, x_o: Array, x_h: Array, e: Array | None = None) -> ControllerRows:
     """Rows of observer, hold and, where it is known more exactly than as their difference, hold error e_hp."""
     u, n = -x_h @ controller.model[0].k.T, controller.plant.n
-    return Kept(x_o[:, :n], x_h[:, :n], u, controller.faces.E(x_h - x_o if e is None else e))
+    return ControllerRows(x_o[:, :n], x_h[:, :n], u, controller.faces.E(x_h - x_o if e is None else e))
 
 
 def edges_of(acting: Acting, law: Law) -> Array:

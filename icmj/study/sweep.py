@@ -232,7 +232,7 @@ def _check_values(table: pa.Table, rows: range, facts: Facts) -> None:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class SweepCost:
     """The estimated cost of a sweep, from a few of its points.
 
     Attributes:
@@ -294,7 +294,7 @@ def _measures(case: Case, plants: Sequence[PlantKind]) -> tuple[str, ...]:
     return tuple(measure_own(case.run, run))
 
 
-def estimate(plan: Plan) -> Estimate:
+def estimate(plan: Plan) -> SweepCost:
     """Estimate the cost of the sweep from a few points; the first is computed twice, because it loads libraries."""
     compute(plan, range(1))
     done = [compute(plan, range(index, index + 1)) for index in plan.tried()]
@@ -304,7 +304,7 @@ def estimate(plan: Plan) -> Estimate:
     # points of one chunk share plants where they can
     seconds = min(seconds, few.seconds / few.rows) if few.rows >= len(done) else seconds
     each = (len(few.content) - empty) / few.rows
-    return Estimate(len(plan), plan.chunks, seconds * len(plan), each * len(plan) + empty * plan.chunks)
+    return SweepCost(len(plan), plan.chunks, seconds * len(plan), each * len(plan) + empty * plan.chunks)
 
 
 @dataclass(frozen=True)

@@ -309,7 +309,7 @@ _STILL = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class EigenvalueBranch:
     """The eigenvalue of φ nearest to a target, with those that equal it.
 
     Attributes:
@@ -383,7 +383,7 @@ class Spectra:
         """Largest entry of φ in balanced coordinates."""
         return np.asarray(np.abs(phi * (self._scale / self._scale[:, None])).max(axis=(-2, -1)))
 
-    def branch(self, kind: Kind, delta: float) -> Branch | None:
+    def branch(self, kind: Kind, delta: float) -> EigenvalueBranch | None:
         """The eigenvalue of this kind nearest to the circle; ``None`` where there is no complex pair."""
         from scipy.linalg import eig
 
@@ -416,7 +416,7 @@ class Spectra:
         others = np.abs(1 + delta * np.concatenate([g[~rest], slower]))
         lam = complex(1 + delta * value)
         growth = np.real(rates / lam) if lam else np.full(count, np.nan)
-        return Branch(lam, count, dimension, growth, float(others.max(initial=0.0)))
+        return EigenvalueBranch(lam, count, dimension, growth, float(others.max(initial=0.0)))
 
 
 def _cluster(G: Array, rate: Array, middle: complex, count: int) -> tuple[complex, Array, Array, int]:

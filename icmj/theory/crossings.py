@@ -39,9 +39,9 @@ from icmj.base.array import Array
 from icmj.errors import AnalysisError
 from icmj.theory.circle import (
     DEGREE,
-    Branch,
     Crossing,
     Direction,
+    EigenvalueBranch,
     Kind,
     Search,
     Spectra,
@@ -289,7 +289,7 @@ class _Finder:
             for way, count in ways.items()
         ]
 
-    def _ways(self, kind: Kind, delta: float, at: Branch, tangent: bool) -> dict[Direction, int]:
+    def _ways(self, kind: Kind, delta: float, at: EigenvalueBranch, tangent: bool) -> dict[Direction, int]:
         """Number of eigenvalues at a crossing that leave and that enter the circle."""
         if at.count == 1 or np.isfinite(at.rates).all():
             if tangent:

@@ -27,8 +27,8 @@ from icmj.theory.error_system import ErrorSystem, Flow, flow
 from icmj.theory.orbit import Orbit, critical_vectors, is_stable, jacobian, multipliers
 from icmj.theory.orbit import orbit as orbit_at
 from icmj.theory.reduction import (
-    Family,
     NeutralMode,
+    OrbitFamily,
     Reduction,
     family,
     mixtures,
@@ -191,7 +191,7 @@ class Prediction(WithCard):
     state_feedback_stable: bool
     observer_feedback_stable: bool
     neutral: tuple[NeutralMode, ...] = ()
-    family: Family | None = None
+    family: OrbitFamily | None = None
     beyond: Crossing | None = None
     growing: bool = False
     outputs: tuple[str, ...] = ()
@@ -296,7 +296,7 @@ class _Critical:
     orbit: Orbit | None
     multipliers: NDArray[np.complex128] | None
     verdict: Verdict
-    family: Family | None
+    family: OrbitFamily | None
     V_inv: NDArray[np.complex128] | None
     condition: float
 

@@ -433,7 +433,7 @@ _MOST_MEMBERS = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
+class OrbitFamily:
     """The orbits of a repeated critical eigenvalue.
 
     Attributes:
@@ -478,7 +478,7 @@ def modulo(J: Array, basis: Array, sign: int) -> Array:
     return np.asarray(Q.T @ J @ Q)
 
 
-def family(basis: Array, tried: int, admissible: int, attracting: int, sign: int) -> Family:
+def family(basis: Array, tried: int, admissible: int, attracting: int, sign: int) -> OrbitFamily:
     """The record with its sentence; ``basis`` in x̄, columns of any size."""
     k = basis.shape[1]
     members = f"of {tried} members looked at {admissible} are admissible and {attracting} attract"
@@ -487,4 +487,4 @@ def family(basis: Array, tried: int, admissible: int, attracting: int, sign: int
         f"of {k} shapes; within it the motion is neutral ({k - 1} multiplier{'s' if k > 2 else ''} exactly {sign:+d}), "
         f"and attraction is to the family: {members}"
     )
-    return Family(k, basis / np.linalg.norm(basis, axis=0), tried, admissible, attracting, words)
+    return OrbitFamily(k, basis / np.linalg.norm(basis, axis=0), tried, admissible, attracting, words)

@@ -133,7 +133,8 @@ def test_a_name_that_looks_like_the_other_kind_is_asked_about(
     Path("there.d").mkdir()
     for name in ("page", "there.d") if target else ("here.rrd", "here.html", "here.csv"):
         said = shell.refuses([command, *needed, f"--{option}", name])
-        assert f"--{option} {name}: looks like a {'folder' if target else 'file'}" in said
+        is_other = "a folder is there" if Path(name).is_dir() else f"looks like a {'folder' if target else 'file'}"
+        assert f"--{option} {name}: {is_other}" in said
         assert "give one, such as " in said
     assert {path.name for path in Path().iterdir()} == {"runs", "there.d"}
 

@@ -11,7 +11,7 @@ from terminal_cases import told
 from icmj import load_family, load_run, prepare, read_sweep
 from icmj.case.drafting import table_of
 from icmj.cli import files
-from icmj.cli.arguments import Fit
+from icmj.cli.arguments import FitCommand
 from icmj.cli.files import people_of
 from icmj.cli.main import main
 from icmj.cli.terminal import Terminal
@@ -189,7 +189,7 @@ def test_a_first_table_lists_recordings_as_they_are_fitted(shell, root, elsewher
     assert "note: anna.csv" not in said
     table = Path("of/people.csv")
     table.write_text(table.read_text(encoding="utf-8").replace("../ben.csv,,ben,,\n", ""), encoding="utf-8")
-    (one,) = people_of(Fit(table=table))
+    (one,) = people_of(FitCommand(table=table))
     assert (one.label, len(one.trials)) == ("anna", 1)
     assert "no recording to list; give files" in shell.refuses(["new", "recordings"])
 

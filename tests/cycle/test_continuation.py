@@ -9,7 +9,7 @@ from scipy.optimize import brentq, root
 import icmj
 from icmj import branch_off, follow, load_run
 from icmj.cycle.branch import Branch, SpecialPoint
-from icmj.cycle.curve import Family, parameter
+from icmj.cycle.curve import ReturnMaps, parameter
 from icmj.cycle.cycle import Guess, find_cycle
 from icmj.cycle.return_map import jacobian
 from icmj.errors import CycleError, RunFileError
@@ -61,7 +61,7 @@ def test_a_closed_branch_is_walked_once() -> None:
     assert round_.attracting.all()
     far = int(round_.value.argmax())
     assert round_.value[far] == pytest.approx(1.12226, abs=1e-5)
-    loop = Family(round_.run, parameter("gravity")).at(float(round_.value[far]))
+    loop = ReturnMaps(round_.run, parameter("gravity")).at(float(round_.value[far]))
     one = np.linalg.eigvals(jacobian(loop, round_.states[far, 0], round_.scale).J)
     assert np.abs(one + 1).min() < 1e-2  # of one interval's map: it is the flip's other side
     gap = round_.intervals[:, 0] - round_.intervals[:, 1]

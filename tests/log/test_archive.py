@@ -10,6 +10,7 @@ from log_cases import assert_same, awkward, made_up, standing
 from icmj.errors import LogError
 from icmj.log.archive import digest, pack, unpack
 from icmj.simulation.simulation import Pressure
+from icmj.theory.reduction import OrbitFamily
 
 
 def test_pressure_comes_back_bit_for_bit_and_a_log_of_before_it_is_read() -> None:
@@ -50,6 +51,15 @@ def test_the_digest_sees_every_bit() -> None:
             other = values.copy()
             other.view(np.uint8)[-1] ^= 1
             assert digest(tree, arrays | {key: other}) != before, key
+
+
+def test_a_class_is_read_under_its_former_name_too() -> None:
+    result, _ = made_up(duration=1.0)
+    orbits = OrbitFamily(2, np.eye(4)[:, :2], 8, 5, 3, "five are admissible")
+    tree, arrays = pack(replace(result, prediction=replace(result.prediction, family=orbits)))
+    assert tree.count('"OrbitFamily"') == 1
+    for text in (tree, tree.replace('"OrbitFamily"', '"Family"')):
+        assert_same(orbits, unpack(text, arrays).prediction.family)
 
 
 def test_only_known_classes_are_built() -> None:

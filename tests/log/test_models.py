@@ -10,7 +10,7 @@ import icmj
 from icmj.errors import RunFileError
 from icmj.log import archive
 from icmj.log.reader import read_log
-from icmj.runfile.schema import Kept
+from icmj.runfile.schema import BundledFiles
 
 RUN = """
 case = { name = "rod", title = "A rod" }
@@ -89,10 +89,10 @@ def test_more_than_a_log_should_carry_is_left_out(root, monkeypatch):
 @pytest.mark.parametrize("name", ["../a.xml", "/a.xml", "a/../../b", "", "c:\\a.xml", "a\\b", "."])
 def test_no_file_of_a_log_is_written_out_of_its_folder(tmp_path, name):
     with pytest.raises(RunFileError, match="leads out of a folder"):
-        Kept(files={name: b"x"}).write(tmp_path / "in")
+        BundledFiles(files={name: b"x"}).write(tmp_path / "in")
     assert not list(tmp_path.rglob("*.xml"))
     with pytest.raises(RunFileError, match="leads out of a folder"):
-        Kept(place=name).write(tmp_path / "in")
+        BundledFiles(place=name).write(tmp_path / "in")
 
 
 def test_changes_keep_the_models(copied):
