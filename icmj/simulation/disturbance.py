@@ -36,6 +36,7 @@ from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.controller.setpoint import TERNARY_INTERVALS, ternary
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant, Push, Vector
+from icmj.series.series import NEAR
 from icmj.simulation.settings import (
     Bias,
     Gaussian,
@@ -534,12 +535,14 @@ def keep_rows(controller: Controller, x_o: Array, x_h: Array, e: Array | None = 
 def edges_of(acting: Acting, law: Law) -> Array:
     """Instants at which a motion jumps or bends by what is given: rising, positive and finite [s].
 
-    There what acts, or a signal of the controller's own, begins, ends or jumps, or the controller reads that later.
+    There what acts, or a signal of the controller's own, begins, ends or jumps, or the controller reads that later, as
+    it reads the start of the run; and where what it then does is read in its turn, which bends its command once more.
     """
     real = law.realisation
     given = np.unique(np.concatenate([acting.edges, real.signals[:, 4:].ravel()]))
     given = given[np.isfinite(given) & (given > 0)]
-    return np.unique(np.concatenate([given, *(given + tap for tap in real.taps)]))
+    read = np.unique(np.add.outer(np.append(0.0, given), real.taps))
+    return np.unique(np.concatenate([given, read, np.add.outer(read, real.taps).ravel()]))
 
 
 def collect_drives(controller: Law, acting: Acting, t: Array) -> dict[str, Any]:
@@ -547,4 +550,4 @@ def collect_drives(controller: Law, acting: Acting, t: Array) -> dict[str, Any]:
     pushes, end = acting.pushes, float(t[-1])
     pushed = {"pushes": pushes.places, "pushed": pushes.size(t)} if len(pushes) else {}
     edges = edges_of(acting, controller)
-    return {"setpoint": controller.setpoint, "edges": edges[edges < end], **pushed}
+    return {"setpoint": controller.setpoint, "edges": edges[edges <= end + NEAR], **pushed}
