@@ -476,6 +476,14 @@ def _by_pieces(t: Array, values: Array, at: Array, jumps: Array, after: Array, b
     return result
 
 
+def snap(times: Array, instants: Array) -> Array:
+    """Times of rows, of which one that is an instant but for rounding is exactly that; both rising."""
+    if not len(instants):
+        return times
+    place = np.clip(np.searchsorted(instants, times - NEAR), 0, len(instants) - 1)
+    return np.where(np.abs(instants[place] - times) <= NEAR, instants[place], times)
+
+
 def _near(times: Array, others: Array) -> np.ndarray:
     """Mask of the times at which there is one of the others, shape (N,), bool."""
     others = np.sort(others)

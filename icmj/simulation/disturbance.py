@@ -36,7 +36,7 @@ from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.controller.setpoint import TERNARY_INTERVALS, ternary
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant, Push, Vector
-from icmj.series.series import NEAR
+from icmj.series.series import NEAR, snap
 from icmj.simulation.settings import (
     Bias,
     Gaussian,
@@ -216,6 +216,7 @@ class Disturbance:
 
     def beside(self, t: Array, u: Array) -> Array:
         """All of d(t) beside the commands ``u`` at these times, shapes (N,), (N, n_u) → (N, n_u)."""
+        t = snap(t, self.edges)
         found = self(t)
         for index, noise in self.shares:
             found[:, index] += at_times(noise, t) * u[:, index]
@@ -547,7 +548,6 @@ def edges_of(acting: Acting, law: Law) -> Array:
 
 def collect_drives(controller: Law, acting: Acting, t: Array) -> dict[str, Any]:
     """Optional fields of a run at its rows: the set-point, pushes, and when what is given jumps."""
-    pushes, end = acting.pushes, float(t[-1])
-    pushed = {"pushes": pushes.places, "pushed": pushes.size(t)} if len(pushes) else {}
-    edges = edges_of(acting, controller)
+    pushes, end, edges = acting.pushes, float(t[-1]), edges_of(acting, controller)
+    pushed = {"pushes": pushes.places, "pushed": pushes.size(snap(t, edges))} if len(pushes) else {}
     return {"setpoint": controller.setpoint, "edges": edges[edges <= end + NEAR], **pushed}

@@ -26,7 +26,7 @@ from icmj.controller.controller import Controller
 from icmj.controller.setpoint import Setpoint
 from icmj.plant.linear_plant import LinearPlant, Push
 from icmj.plant.quality import Notice
-from icmj.series.series import COUNTER, NEAR, Series, piecewise, steady, step_of
+from icmj.series.series import COUNTER, NEAR, Series, piecewise, snap, steady, step_of
 from icmj.simulation.ending import Outcome
 
 if TYPE_CHECKING:
@@ -294,7 +294,7 @@ class Simulation(WithCard):
     @property
     def r(self) -> Array:
         """The set-point at the rows, shape (N, R); (N, 0) if there is none."""
-        return self.setpoint(self.t) if self.setpoint else np.zeros((len(self.t), 0))
+        return self.setpoint(snap(self.t, self.setpoint.edges)) if self.setpoint else np.zeros((len(self.t), 0))
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
