@@ -455,6 +455,9 @@ def _by_pieces(t: Array, values: Array, at: Array, jumps: Array, after: Array, b
     apart = (kind == _BREAK) | ((kind == _JUMP) & np.append(shared, np.zeros(len(breaks) + len(bends), bool))[order])
     begins = np.append(0, np.where(kind == _JUMP, late, early))
     ends = np.append(np.where(apart, early, late), len(t))
+    # after a jump without any row the next one is nearer than what was before
+    empty = (begins == ends) & np.append(False, kind == _JUMP) & (np.append(late, 0) > np.append(early, 0))
+    ends = np.where(empty, np.append(late, len(t)), ends)
     # of its results, those at a jump belong to the piece before it, and others to the one after
     cuts = np.concatenate([[0], np.searchsorted(at, inner + np.where(kind == _JUMP, NEAR, -NEAR)), [len(at)]])
     least = _CLOSE * float(np.median(np.diff(t))) if len(t) > 1 else 0.0
