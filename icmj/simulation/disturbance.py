@@ -541,9 +541,10 @@ def edges_of(acting: Acting, law: Law) -> Array:
     """
     real = law.realisation
     given = np.unique(np.concatenate([acting.edges, real.signals[:, 4:].ravel()]))
-    given = given[np.isfinite(given) & (given > 0)]
-    read = np.unique(np.add.outer(np.append(0.0, given), real.taps))
-    return np.unique(np.concatenate([given, read, np.add.outer(read, real.taps).ravel()]))
+    given = np.append(0.0, given[np.isfinite(given) & (given > 0)])
+    for _ in range(2):
+        given = np.unique(np.concatenate([given, np.add.outer(given, real.taps).ravel()]))
+    return given[given > 0]
 
 
 def collect_drives(controller: Law, acting: Acting, t: Array) -> dict[str, Any]:
