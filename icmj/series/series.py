@@ -466,10 +466,10 @@ def _by_pieces(t: Array, values: Array, at: Array, jumps: Array, after: Array, b
         if wanted[0] >= wanted[1]:
             continue
         here, rows = slice(*wanted), slice(begins[number], ends[number])
-        knots, piece, known = t[rows], values[rows], np.zeros(values.shape[1], dtype=bool)
-        if number and kind[number - 1] == _JUMP:
-            head = after[order[number - 1]]
-            known = np.isfinite(head)
+        knots, piece = t[rows], values[rows]
+        begun = number and kind[number - 1] == _JUMP
+        head = after[order[number - 1]] if begun else np.full(values.shape[1], np.nan)
+        known = np.isfinite(head)
         for columns, with_head in ((known, True), (~known, False)):
             if columns.any():
                 times = np.append(inner[number - 1], knots) if with_head else knots

@@ -92,7 +92,7 @@ def test_one_row_stands_for_itself():
 
 
 def test_a_break_at_the_last_row_but_for_rounding_keeps_it_out_of_the_piece_before():
-    """An action at 2.6 + 4e-16 s of a run that ends at 2.6 s: its row pulled the spline along by a quarter of a jump."""
+    """An action at 2.6 + 4e-16 s of a run that ends at 2.6 s: its row pulled the spline along."""
     t = np.arange(0, 2.005, 0.01)
     values = np.where(t < t[-1], np.cos(5 * t), 7.0)[:, None]
     at = np.linspace(0, t[-1] - 1e-6, 777)
