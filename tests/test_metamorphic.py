@@ -27,3 +27,15 @@ def test_a_run_comes_again_by_its_seed():
 def test_rows_change_no_bit_of_a_motion_under_sinusoids(seed):
     """A product of matrices is rounded by its shape, so what is worked out for rows stands apart from the motion."""
     assert check("rows", seed, "linear") == ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "plant"), [
+    (4, "linear"),  # an action at the end of the run but for rounding
+    (13, "linear"),  # a step of a push less than three rows after an action
+    (36, "linear"),  # the start, and a step of a reading, are read late, and what that does once more
+    (7006, "linear"),  # a step at a row whose time is off by the rounding of many delays
+    (9030, "mujoco"),  # a piece without a row after a switch
+])  # fmt: skip
+def test_signals_are_exported_alike_whatever_the_rows(seed, plant):
+    assert check("instants", seed, plant) == ""

@@ -263,12 +263,13 @@ def _grid(settings: Settings) -> Array:
 
 def _record_steps(case: Case) -> Case:
     """The case with a row at each step of a fixed length: these end beside the multiples of its record interval."""
+    from icmj.engine.open_loop import refine
+
     settings = case.settings
-    given = settings.timestep is not None or settings.integrator is not None
-    if not given or not isinstance(case.actual, MujocoPlant):
+    if not isinstance(case.actual, MujocoPlant):
         return case
-    step = settings.timestep or float(case.actual.model.opt.timestep)
-    if not settings.duration / MOST_ROWS <= step < settings.record_interval:
+    step = refine(case.actual, case.controller, settings, 1.0).timestep  # none where they are adapted to a tolerance
+    if step is None or not settings.duration / MOST_ROWS <= step < settings.record_interval:
         return case
     return replace(case, settings=replace(settings, record_interval=step))
 

@@ -393,6 +393,7 @@ def piecewise(
     jumps: Array | None = None,
     after: Array | None = None,
     breaks: Array | None = None,
+    bends: Array | None = None,
     steady: np.ndarray | None = None,
 ) -> Array:
     """Interpolate piecewise smooth signals from their rows, whose values are given where there is one.
@@ -404,7 +405,8 @@ def piecewise(
         jumps: times of jumps at rows, which contain the values before the jump [s], shape (K,).
         after: values right after each jump, NaN if unknown, shape (K, w).
         breaks: further times of jumps, which need not be times of rows [s]; a row there contains the values after it.
-        steady: mask of the signals that bend there and do not jump, so that a row is of both sides; shape (w,).
+        bends: times at which all signals bend and none jumps, so that a row is of both sides [s].
+        steady: mask of the signals that bend at jumps and breaks, too, and do not jump; shape (w,).
 
     Returns:
         The values at ``at``, shape (M, w).
@@ -412,69 +414,77 @@ def piecewise(
     # of rows at one instant but for rounding the last tells what is there
     kept = np.append(np.diff(t) > NEAR, True)
     t, values = t[kept], values[kept]
-    jumps = np.zeros(0) if jumps is None else jumps
+    none = np.zeros(0)
+    jumps, breaks, bends = (none if of is None else np.asarray(of, float) for of in (jumps, breaks, bends))
     after = np.full((len(jumps), values.shape[1]), np.nan) if after is None else after
-    breaks = np.zeros(0) if breaks is None else np.asarray(breaks, float)
     steady = np.zeros(values.shape[1], dtype=bool) if steady is None else steady
     result = np.empty((len(at), values.shape[1]))
-    result[:, ~steady] = _across_jumps(t, values[:, ~steady], at, jumps, after[:, ~steady], breaks)
-    if steady.any():
-        result[:, steady] = _across_bends(t, values[:, steady], at, np.concatenate([jumps, breaks]))
+    for these, instants in (
+        (~steady, (jumps, after[:, ~steady], breaks, bends)),
+        (steady, (none, np.zeros((0, int(steady.sum()))), none, np.concatenate([jumps, breaks, bends]))),
+    ):
+        if these.any():
+            result[:, these] = _by_pieces(t, values[:, these], at, *instants)
     row = np.minimum(np.searchsorted(t, at - NEAR), len(t) - 1)
     met = np.abs(t[row] - at) <= NEAR
     result[met] = values[row[met]]
     return result
 
 
-def _across_jumps(t: Array, values: Array, at: Array, jumps: Array, after: Array, breaks: Array) -> Array:
-    """Of signals that jump, each piece has the rows of its own side, and its value right after a jump if known."""
+_JUMP, _BREAK, _BEND = 0, 1, 2  # what a row tells there: the value before, after, or of both sides
+
+
+def _by_pieces(t: Array, values: Array, at: Array, jumps: Array, after: Array, breaks: Array, bends: Array) -> Array:
+    """A spline for each piece between two instants, through the rows of its own side."""
+    bends = _apart_from(np.unique(bends[~_near(bends, np.concatenate([jumps, breaks]))]))
+    bends = bends[(bends > t[0] + NEAR) & (bends < t[-1] - NEAR)]
+    alone = bends[~_near(bends, t)]
+    if len(alone):  # without a row, as in logs of before: what is there is known from the piece before
+        known = _by_pieces(t, values, alone - 2 * NEAR, jumps, after, np.concatenate([breaks, bends]), bends[:0])
+        place = np.searchsorted(t, alone)
+        t, values = np.insert(t, place, alone), np.insert(values, place, known, axis=0)
     # what jumps at a break, too, is in the row of the jump already: that row tells nothing of the time before
     shared = _near(jumps, breaks)
-    inner = np.concatenate([jumps, _apart_from(np.unique(breaks[~_near(breaks, jumps)]))])
-    kind = np.concatenate([np.arange(len(jumps)), np.full(len(inner) - len(jumps), -1)])
+    breaks = _apart_from(np.unique(breaks[~_near(breaks, jumps)]))
+    inner = np.concatenate([jumps, breaks, bends])
+    kind = np.repeat([_JUMP, _BREAK, _BEND], [len(jumps), len(breaks), len(bends)])
     order = np.argsort(inner, kind="stable")
-    order = order[(inner[order] > t[0]) & (inner[order] < t[-1])]
+    order = order[(inner[order] > t[0]) & (inner[order] < t[-1] + NEAR)]
     inner, kind = inner[order], kind[order]
-    # of its results and rows, those at a jump belong to the piece before it, and those at a break to the one after
-    side = np.where(kind >= 0, NEAR, -NEAR)
-    cuts = [np.concatenate([[0], np.searchsorted(times, inner + side), [len(times)]]) for times in (at, t)]
-    usual = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    early, late = (np.searchsorted(t, inner + side) for side in (-NEAR, NEAR))
+    apart = (kind == _BREAK) | ((kind == _JUMP) & np.append(shared, np.zeros(len(breaks) + len(bends), bool))[order])
+    begins = np.append(0, np.where(kind == _JUMP, late, early))
+    ends = np.append(np.where(apart, early, late), len(t))
+    # after a jump without any row the next one is nearer than what was before
+    empty = (begins == ends) & np.append(False, kind == _JUMP) & (np.append(late, 0) > np.append(early, 0))
+    ends = np.where(empty, np.append(late, len(t)), ends)
+    # of its results, those at a jump belong to the piece before it, and others to the one after
+    cuts = np.concatenate([[0], np.searchsorted(at, inner + np.where(kind == _JUMP, NEAR, -NEAR)), [len(at)]])
+    least = _CLOSE * float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     result = np.empty((len(at), values.shape[1]))
-    for number, (here, there) in enumerate(zip(pairwise(cuts[0]), pairwise(cuts[1]), strict=True)):
-        if here[0] >= here[1]:
+    for number, wanted in enumerate(pairwise(cuts)):
+        if wanted[0] >= wanted[1]:
             continue
-        begin, end = kind[number - 1] if number else -1, kind[number] if number < len(kind) else -1
-        wanted, last = slice(*here), there[1] - 1 if end >= 0 and shared[end] else there[1]
-        knots, rows = t[there[0] : last], values[there[0] : last]
-        head = after[begin] if begin >= 0 else np.full(values.shape[1], np.nan)
+        here, rows = slice(*wanted), slice(begins[number], ends[number])
+        knots, piece = t[rows], values[rows]
+        begun = number and kind[number - 1] == _JUMP
+        head = after[order[number - 1]] if begun else np.full(values.shape[1], np.nan)
         known = np.isfinite(head)
         for columns, with_head in ((known, True), (~known, False)):
             if columns.any():
-                times = np.concatenate([[jumps[begin]], knots]) if with_head else knots
-                piece = np.vstack([head, rows])[:, columns] if with_head else rows[:, columns]
-                apart = _apart(times, _CLOSE * usual)
-                result[wanted, columns] = _smooth(times[apart], piece[apart], at[wanted], t, values[:, columns])
+                times = np.append(inner[number - 1], knots) if with_head else knots
+                through = np.vstack([head, piece])[:, columns] if with_head else piece[:, columns]
+                few = _apart(times, least)
+                result[here, columns] = _smooth(times[few], through[few], at[here], t, values[:, columns])
     return result
 
 
-def _across_bends(t: Array, values: Array, at: Array, bends: Array) -> Array:
-    """Of signals that bend, a piece has the rows at both of its ends."""
-    none = np.zeros((0, values.shape[1]))
-    inner = _apart_from(np.unique(bends[(bends > t[0] + NEAR) & (bends < t[-1] - NEAR)]))
-    row = np.searchsorted(t, inner - NEAR)
-    alone = t[row] > inner + NEAR  # without a row, as in logs of before: what is there is known from the piece before
-    if alone.any():
-        before = _across_jumps(t, values, inner[alone] - 2 * NEAR, none[:, 0], none, inner)
-        t, values = np.insert(t, row[alone], inner[alone]), np.insert(values, row[alone], before, axis=0)
-    ends = np.concatenate([[0], np.searchsorted(t, inner - NEAR), [len(t) - 1]])
-    cuts = np.concatenate([[0], np.searchsorted(at, t[ends[1:-1]]), [len(at)]])
-    usual, result = float(np.median(np.diff(t))) if len(t) > 1 else 1.0, np.empty((len(at), values.shape[1]))
-    for here, there in zip(pairwise(cuts), pairwise(ends), strict=True):
-        if here[0] < here[1]:
-            wanted, piece = slice(*here), slice(there[0], there[1] + 1)
-            apart = _apart(t[piece], _CLOSE * usual)
-            result[wanted] = _smooth(t[piece][apart], values[piece][apart], at[wanted], t, values)
-    return result
+def snap(times: Array, instants: Array) -> Array:
+    """Times of rows, of which one that is an instant but for rounding is exactly that; both rising."""
+    if not len(instants):
+        return times
+    place = np.clip(np.searchsorted(instants, times - NEAR), 0, len(instants) - 1)
+    return np.where(np.abs(instants[place] - times) <= NEAR, instants[place], times)
 
 
 def _near(times: Array, others: Array) -> np.ndarray:

@@ -36,6 +36,7 @@ from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.controller.setpoint import TERNARY_INTERVALS, ternary
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant, Push, Vector
+from icmj.series.series import NEAR, snap
 from icmj.simulation.settings import (
     Bias,
     Gaussian,
@@ -215,6 +216,7 @@ class Disturbance:
 
     def beside(self, t: Array, u: Array) -> Array:
         """All of d(t) beside the commands ``u`` at these times, shapes (N,), (N, n_u) → (N, n_u)."""
+        t = snap(t, self.edges)
         found = self(t)
         for index, noise in self.shares:
             found[:, index] += at_times(noise, t) * u[:, index]
@@ -534,17 +536,19 @@ def keep_rows(controller: Controller, x_o: Array, x_h: Array, e: Array | None = 
 def edges_of(acting: Acting, law: Law) -> Array:
     """Instants at which a motion jumps or bends by what is given: rising, positive and finite [s].
 
-    There what acts, or a signal of the controller's own, begins, ends or jumps, or the controller reads that later.
+    There what acts, or a signal of the controller's own, begins, ends or jumps, or the controller reads that later, as
+    it reads the start of the run; and where what it then does is read in its turn, which bends its command once more.
     """
     real = law.realisation
     given = np.unique(np.concatenate([acting.edges, real.signals[:, 4:].ravel()]))
-    given = given[np.isfinite(given) & (given > 0)]
-    return np.unique(np.concatenate([given, *(given + tap for tap in real.taps)]))
+    given = np.append(0.0, given[np.isfinite(given) & (given > 0)])
+    for _ in range(2):
+        given = np.unique(np.concatenate([given, np.add.outer(given, real.taps).ravel()]))
+    return given[given > 0]
 
 
 def collect_drives(controller: Law, acting: Acting, t: Array) -> dict[str, Any]:
     """Optional fields of a run at its rows: the set-point, pushes, and when what is given jumps."""
-    pushes, end = acting.pushes, float(t[-1])
-    pushed = {"pushes": pushes.places, "pushed": pushes.size(t)} if len(pushes) else {}
-    edges = edges_of(acting, controller)
-    return {"setpoint": controller.setpoint, "edges": edges[edges < end], **pushed}
+    pushes, end, edges = acting.pushes, float(t[-1]), edges_of(acting, controller)
+    pushed = {"pushes": pushes.places, "pushed": pushes.size(snap(t, edges))} if len(pushes) else {}
+    return {"setpoint": controller.setpoint, "edges": edges[edges <= end + NEAR], **pushed}

@@ -26,7 +26,7 @@ from icmj.controller.controller import Controller
 from icmj.controller.setpoint import Setpoint
 from icmj.plant.linear_plant import LinearPlant, Push
 from icmj.plant.quality import Notice
-from icmj.series.series import COUNTER, NEAR, Series, piecewise, steady, step_of
+from icmj.series.series import COUNTER, NEAR, Series, piecewise, snap, steady, step_of
 from icmj.simulation.ending import Outcome
 
 if TYPE_CHECKING:
@@ -294,7 +294,7 @@ class Simulation(WithCard):
     @property
     def r(self) -> Array:
         """The set-point at the rows, shape (N, R); (N, 0) if there is none."""
-        return self.setpoint(self.t) if self.setpoint else np.zeros((len(self.t), 0))
+        return self.setpoint(snap(self.t, self.setpoint.edges)) if self.setpoint else np.zeros((len(self.t), 0))
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
@@ -372,21 +372,42 @@ class Simulation(WithCard):
             after: values right after each reset, NaN if unknown, shape (K, w).
             breaks: further times across which nothing is interpolated [s].
         """
-        resets, others = self.breaks
-        others = np.concatenate([others, np.ravel(breaks)])
-        return piecewise(self.t, values, t, jumps=resets, after=after, breaks=others, steady=steady(names))
+        kinds = np.array([name.split(".")[0] for name in names])
+        bends, after = steady(names), np.full((len(self.breaks[0]), len(names)), np.nan) if after is None else after
+        held, error = np.isin(kinds, ("u", "x_h")) & (self.x_o.shape[1] > 0), kinds == "E"
+        if self.control == "continuous":  # whose hold is the observer
+            bends, held = bends | held, held & False
+        # what is held jumps at actions alone, and knows of no edge; the event function bends where the observer does
+        given, found = np.concatenate([self.actions, np.ravel(breaks)]), np.empty((len(t), len(names)))
+        jumping = np.concatenate([given, self.edges])
+        for these, others, bending in (
+            (held, given, None),
+            (error, jumping if self.setpoint else given, self.edges),
+            (~(held | error), jumping, None),
+        ):
+            if these.any():
+                found[:, these] = piecewise(
+                    self.t, values[:, these], t, jumps=self.breaks[0], after=after[:, these],
+                    breaks=others, bends=bending, steady=bends[these],
+                )  # fmt: skip
+        return found
 
     @property
-    def breaks(self) -> tuple[Array, Array]:
-        """Times of resets, whose rows contain the values before, and of actions and edges, whose rows are after [s]."""
-        # with a delay an event of observer and hold resets nothing yet; t = 0 is an event, too
+    def actions(self) -> Array:
+        """Times at which what an event has decided acts, after a delay [s]; empty without one."""
         observes, events = self.x_o.shape[1] > 0, self.events.t
-        resets = np.zeros(0) if self.delay and observes else events
         actions = np.append(0.0, events) + self.delay if self.delay else np.zeros(0)
         if not observes and len(actions) and len(events):  # the row of an event shows what is before an action, too
             near = np.abs(events[np.clip(np.searchsorted(events, actions - NEAR), 0, len(events) - 1)] - actions)
             actions = actions[near > NEAR]
-        return resets, np.concatenate([actions, self.edges])
+        return actions
+
+    @property
+    def breaks(self) -> tuple[Array, Array]:
+        """Times of resets, whose rows contain the values before, and of actions and edges, whose rows are after [s]."""
+        # with a delay an event of observer and hold resets nothing yet
+        resets = np.zeros(0) if self.delay and self.x_o.shape[1] > 0 else self.events.t
+        return resets, np.concatenate([self.actions, self.edges])
 
     def u_after(self, controller: Controller) -> Array:
         """The commands of the run's controller right after each event, for a run without a delay; shape (K, n_u)."""

@@ -69,6 +69,28 @@ def test_runs_on_the_engine(standing):
     assert np.isfinite(batch["y"]).all()
 
 
+ON_A_FLOOR = """
+case = { name = "floor", title = "On a floor" }
+assumed = { model = "models/three_link_floor.xml", drop = ["foot_x"], keyframe = "upright" }
+actual = { gain = 0.9 }
+design = { R_c = 5e-7, R_o = 2e-7 }
+controller = { q_t = 1e-4, delta_min = 0.01 }
+simulation = { duration = 1.0, record_interval = 0.0505, initial = { ankle = 0.002 } }
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stated", [{}, {"simulation.integrator": "RK4"}], ids=["of the model", "given"])
+def test_rows_between_the_ends_of_fixed_steps_are_those_of_a_run_with_a_row_at_each(root, stated):
+    """A model that may touch takes its own steps, though nothing states them."""
+    case = icmj.prepare(icmj.parse_run(ON_A_FLOOR, root / "run.toml").with_(**stated))
+    found = icmj.simulate_many(case, 1, plant="mujoco", keep=("y",), jobs=1)
+    step = float(case.actual.model.opt.timestep)
+    fine = icmj.simulate(replace(case, settings=replace(case.settings, record_interval=step)), "mujoco")
+    expected = np.array([np.interp(found.t, fine.t, of) for of in fine.y.T]).T
+    assert np.abs(found["y"][0] - expected).max() < 2e-5 * np.abs(fine.y).max()
+
+
 @pytest.mark.slow
 def test_processes_change_no_bit(standing):
     ways = [icmj.simulate_many(standing, 20, keep=("y", "sway"), jobs=jobs) for jobs in (1, 2)]

@@ -42,6 +42,19 @@ def test_changed_values_come_back_and_a_log_of_before_they_were_kept_has_none() 
             unpack(json.dumps(old | {"run": old["run"] | {"changes": bad}}), arrays)
 
 
+def test_of_a_log_of_before_its_run_file_says_when_what_is_given_jumps() -> None:
+    result, _ = made_up(duration=1.0)
+    push = {"kind": "impulse", "input": result.actual.inputs[0], "size": 1e-3, "duration": 0.05}
+    late = {"kind": "step", "input": result.actual.inputs[0], "size": 1e-3, "start": 1.5}
+    pushed = replace(result, run=result.run.with_(**{"simulation.disturbance": [{**push, "start": 0.3}, late]}))
+    tree, arrays = pack(pushed)
+    old = json.loads(tree)
+    for simulation in ("simulation", "continuous"):
+        del old[simulation]["edges"]
+    np.testing.assert_allclose(unpack(json.dumps(old), arrays).simulation.edges, [0.3, 0.35], rtol=0, atol=1e-15)
+    assert len(unpack(tree, arrays).simulation.edges) == 0  # as it was written
+
+
 def test_the_digest_sees_every_bit() -> None:
     tree, arrays = pack(awkward())
     before = digest(tree, arrays)

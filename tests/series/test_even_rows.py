@@ -1,5 +1,7 @@
 """Rows at even times are taken as they are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,3 +51,25 @@ def test_times_that_are_written_with_few_digits_have_their_mean_rate(digits, rat
     found = even_series(Series(lost, np.sin(lost)[:, None], ("ap",)))
     assert found.t[1] - found.t[0] == pytest.approx(1 / rate)
     assert len(found) == 3601
+
+
+def test_a_run_that_was_exported_is_measured_between_its_events():
+    """A command that jumps at events, as its column of events says, whichever signals are taken of it."""
+    jumps = np.array([0.5037, 1.2071])
+
+    def command(t):
+        return np.cos(3 * t) + 5 * np.searchsorted(jumps, t)
+
+    t = np.union1d(np.arange(0, 2.005, 0.01), jumps)
+    values = np.column_stack([command(t), np.searchsorted(jumps, t)])
+    series = Series(t, values, ("u.torque", "interval"))
+    np.testing.assert_array_equal(series.jumps, jumps)
+    one = series.chosen(["torque"])
+    np.testing.assert_array_equal(one.jumps, jumps)
+    even = even_series(one, 331.0)
+    assert even["torque"] == pytest.approx(command(even.t), abs=1e-7)
+    blind = even_series(replace(one, jumps=np.zeros(0)), 331.0)
+    assert np.abs(blind["torque"] - command(blind.t)).max() > 1
+    # a count that has a unit, falls, or numbers the rows is no count of events
+    for column, unit in ((values[:, 1], "s"), (values[::-1, 1], ""), (np.arange(len(t)), "")):
+        assert len(Series(t, np.column_stack([values[:, 0], column]), ("u", "interval"), ("", unit)).jumps) == 0

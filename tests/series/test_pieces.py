@@ -89,3 +89,29 @@ def test_pieces_with_few_rows_and_missing_values_are_drawn_straight():
 
 def test_one_row_stands_for_itself():
     assert piecewise(np.zeros(1), np.ones((1, 2)), np.zeros(1)) == pytest.approx(np.ones((1, 2)))
+
+
+def test_a_break_at_the_last_row_but_for_rounding_keeps_it_out_of_the_piece_before():
+    """An action at 2.6 + 4e-16 s of a run that ends at 2.6 s: its row pulled the spline along."""
+    t = np.arange(0, 2.005, 0.01)
+    values = np.where(t < t[-1], np.cos(5 * t), 7.0)[:, None]
+    at = np.linspace(0, t[-1] - 1e-6, 777)
+    for slip in (-4e-16, 0.0, 4e-16):
+        found = piecewise(t, values, at, breaks=np.array([t[-1] + slip]))
+        assert found[:, 0] == pytest.approx(np.cos(5 * at), abs=1e-5)
+
+
+def test_what_bends_has_the_row_of_both_sides_and_what_jumps_its_own():
+    """A signal that bends at 0.8 has a kink there, of which neither side is extended, though one has two rows."""
+    t = np.array([*np.arange(0, 0.8, 0.02), 0.8, 0.8023, *np.arange(0.82, 2, 0.02)])
+    bent = np.abs(t - 0.8023)[:, None]
+    at = np.linspace(0, 1.9, 1777)
+    assert piecewise(t, bent, at, bends=np.array([0.8, 0.8023]))[:, 0] == pytest.approx(np.abs(at - 0.8023), abs=1e-12)
+    assert np.abs(piecewise(t, bent, at)[:, 0] - np.abs(at - 0.8023)).max() > 1e-4
+
+
+def test_after_a_jump_without_a_row_comes_the_value_of_the_next():
+    t = np.array([0.0, 1.0, 2.0, 2.1, 2.5, 3.0, 4.0])
+    values = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])[:, None]
+    found = piecewise(t, values, np.array([1.5, 2.05, 2.3]), jumps=np.array([2.0]), breaks=np.array([2.1]))
+    assert found[:, 0] == pytest.approx([1, 0, 0])
