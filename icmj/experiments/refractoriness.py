@@ -369,6 +369,91 @@ def explain_reactions(isi: ArrayLike, rt: ArrayLike, resolution: float) -> Expla
     return Explanation(best, bic, parameters)
 
 
+DIRECTIONS = ("same direction", "reversal")
+_CLASSIFIED = {"clock": "clock-driven", "event": "event-driven", "sampling": "event-driven with delayed sampling"}
+
+
+@dataclass(frozen=True, eq=False)
+class Reactions:
+    """What the reaction times of some pairs of steps say.
+
+    Attributes:
+        refractory: refractory duration, by four estimates.
+        told: which kind of controller explains the reaction times.
+        resolution: accuracy of the reaction times [s].
+    """
+
+    refractory: Refractoriness
+    told: Explanation
+    resolution: float
+
+    def agrees(self, other: Reactions) -> bool:
+        """Whether both are of one kind, and the intervals of ``fixed`` overlap but for what times are known to."""
+        one, two = self.refractory.fixed, other.refractory.fixed
+        apart = max(one.low, two.low) - min(one.high, two.high)
+        return self.told.kind == other.told.kind and apart < 1.5 * max(self.resolution, other.resolution)
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The estimates with their intervals [s], and by how much each criterion exceeds the least."""
+        found = self.refractory
+        numbers = {"mean RT1 (s)": found.rt1_mean}
+        for name, one in (
+            ("free regression", found.free),
+            ("slope −1", found.fixed),
+            ("largest ISI", found.largest),
+            ("range of RT2", found.range),
+        ):
+            numbers |= {f"{name} (s)": one.value, f"{name}, from (s)": one.low, f"{name}, to (s)": one.high}
+        least = min(self.told.bic.values())
+        return numbers | {f"BIC, {kind}": self.told.bic[kind] - least for kind in KINDS}
+
+    @property
+    def curves(self) -> dict[str, Array]:
+        """Mean reaction times and their errors [s] at each interval, shape (K,) each."""
+        found = self.refractory
+        return {
+            "ISI (s)": found.isi,
+            "pairs": found.count.astype(float),
+            "RT1 (s)": found.rt1,
+            "RT1, error (s)": found.rt1_error,
+            "RT2 (s)": found.rt2,
+            "RT2, error (s)": found.rt2_error,
+        }
+
+    @property
+    def words(self) -> str:
+        """The verdict, without a full stop."""
+        one = self.refractory.fixed
+        refractory = (
+            f"a refractory period of {one.value:.3g} s (95 % interval {one.low:.3g} to {one.high:.3g} s)"
+            if one.low > 0 and self.told.kind != "continuous"
+            else f"no refractory period above {self.refractory.isi.min():.3g} s"
+        )
+        kind, pairs = _CLASSIFIED.get(self.told.kind, self.told.kind), int(self.refractory.count.sum())
+        return f"classified as {kind}; {refractory}, from {pairs} pairs of steps"
+
+
+def analyse_reactions(isi: ArrayLike, rt: ArrayLike, resolution: float, shortest: float = 0.0) -> Reactions:
+    """The kind of controller and the refractory duration, from reaction times to pairs of steps.
+
+    Args:
+        isi: inter-step interval of each pair [s], shape (P,).
+        rt: reaction times to first and second step [s], shape (P, 2).
+        resolution: accuracy of the reaction times [s], such as the sampling interval.
+        shortest: as of :func:`icmj.refractoriness`; at least the sampling delay, if there is one.
+
+    Raises:
+        DataError: if shapes do not fit together, or there are too few pairs or intervals.
+    """
+    each, told = np.asarray(isi, dtype=float), explain_reactions(isi, rt, resolution)
+    if told.kind == "sampling":  # what falls into one sample is no refractoriness
+        late = told.parameters["sampling"]["d_s"]
+        beyond = group_intervals(each[each >= late], 1.5 * resolution)[0]
+        shortest = max(shortest, late) if len(beyond) >= FEWEST_INTERVALS else shortest
+    return Reactions(refractoriness(each, rt, alike=1.5 * resolution, shortest=shortest), told, resolution)
+
+
 def _best(kind: str, freedom: float, isi: Array, rt: Array, resolution: float) -> tuple[float, dict[str, float]]:
     """The largest log-likelihood of a kind, and the numbers that have it."""
     from scipy.optimize import minimize

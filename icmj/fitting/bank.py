@@ -77,7 +77,7 @@ def rows(plan: BankPlan, draws: range, progress: Callable[[float], None] | None 
 def simulate_draw(
     family: Family, theta: Array, seed: int, draw: int, trials: int, duration: float = DURATION
 ) -> Array | None:
-    """Summaries of the trials of one draw, shape (K, s); ``None`` if it fell in one, or there is no such controller."""
+    """Summaries of the trials of one draw, shape (K, s); ``None`` if it fell in one, is unstable or no controller."""
     try:
         member = family.member(theta, duration)
     except IcmjError:
@@ -180,7 +180,8 @@ class Bank:
             combined for training.
         theta: parameters of each draw, shape (n, p).
         summaries: summary statistics of each trial, shape (n, K, s); NaN if a draw fell.
-        fell: whether a draw fell in one of its trials, or has no controller, shape (n,).
+        fell: whether a draw fell in one of its trials, is a continuous controller whose loop is unstable, or has no
+            controller, shape (n,).
         seed: seed of the draws and their noise.
         duration: duration of a trial [s].
     """
@@ -219,18 +220,18 @@ class Bank:
 
     @property
     def stood(self) -> Bank:
-        """The draws that stood in all their trials, on which a network is trained."""
+        """The draws that stood in all their trials and are not unstable, on which a network is trained."""
         kept = ~self.fell
         return replace(self, theta=self.theta[kept], summaries=self.summaries[kept], fell=self.fell[kept])
 
     @property
     def words(self) -> str:
-        """The number of draws and the number of those that fell, in one sentence."""
+        """The number of draws and the share of those that are left out, in one sentence."""
         share = 100 * float(np.mean(self.fell)) if len(self) else 0.0
         trials = self.summaries.shape[1]
         return (
-            f"{len(self)} draws of {self.family}, each {trials} trials of {self.duration:g} s; {share:.1f} % fell and "
-            "are left out: what is inferred is conditional on standing."
+            f"{len(self)} draws of {self.family}, each {trials} trials of {self.duration:g} s; {share:.1f} % fell, "
+            "or stood with an unstable loop, and are left out: what is inferred is conditional on standing."
         )
 
 

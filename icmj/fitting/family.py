@@ -20,13 +20,14 @@ from icmj.base.process import limit_to_one_thread
 from icmj.case.case import check_names
 from icmj.case.plants import actual_plant, assumed_plant, controller_of, digests, linear_plant
 from icmj.controller.controller import Law, has_trigger
-from icmj.errors import FitError
+from icmj.errors import AnalysisError, FitError
 from icmj.linear.run import simulate
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant, match_ports
 from icmj.runfile.schema import RunFile
 from icmj.runfile.sweep_tables import PRESSURE, FamilyFile, ParameterTable, load_family_file
 from icmj.simulation.settings import Settings, reseeded, start_states
+from icmj.theory.delay_roots import count_unstable, loops_of
 from icmj.work.folder import fingerprint_of
 
 
@@ -116,6 +117,27 @@ class Member:
     settings: Settings
     weights: Array
 
+    @property
+    def has_one_loop(self) -> bool:
+        """Whether it stays in one mode without events, so that a root of its loop decides whether it is stable."""
+        real = self.law.realisation
+        return not has_trigger(self.law) and not real.eventful and len(real.modes) == 1
+
+    @cached_property
+    def unstable(self) -> bool:
+        """Whether it has one loop, and this grows: noise lets it fall sooner or later, though a trial may end before.
+
+        An intermittent or a switched member is never called so, as its instability is what makes its cycle; nor is a
+        controller of one's own whose loop has no such equations.
+        """
+        if not self.has_one_loop:
+            return False
+        try:
+            loops = loops_of(self.law, self.plant)
+        except AnalysisError:
+            return False
+        return any(map(count_unstable, loops.values()))
+
     @limit_to_one_thread()
     def trial(self, seed: int) -> Array | None:
         """The front-to-back centre of pressure of one trial on the linear plant [m] at 100 Hz, forwards positive.
@@ -126,8 +148,8 @@ class Member:
             seed: seed of all noise, together with the seed of each noise.
 
         Returns:
-            The centre of pressure, shape (N,), or ``None`` if the member fell or the run ended early for another
-            reason.
+            The centre of pressure, shape (N,), or ``None`` if the member fell, the run ended early for another
+            reason, or the member stood although it is ``unstable``.
         """
         settings = reseeded(self.settings, seed)
         if has_trigger(self.law):
@@ -138,7 +160,7 @@ class Member:
         else:
             run = simulate(self.plant, self.law, settings)
             t, x, outcome = run.t, run.x, run.outcome
-        if outcome.kind not in _STOOD:
+        if outcome.kind not in _STOOD or self.unstable:
             return None
         grid = WARM_UP + np.arange(round((settings.duration - WARM_UP) * RATE)) / RATE
         return np.asarray(x[np.searchsorted(t, grid - 1e-9)] @ self.weights)
@@ -215,14 +237,21 @@ class Family:
     def fingerprint(self) -> str:
         """Sixteen hexadecimal digits that depend on all that determines its trials, except versions of software."""
         base = self.file.base
-        said = {
+        said: dict[str, Any] = {
             "family": self.file.model_dump(
                 exclude={"family": {"title"}, "parameter": {"__all__": {"title", "source"}}}
             ),
             "run": base.model_dump(exclude={"case"}),
             "files": digests(base),
         }
+        if self._middle.has_one_loop:
+            said["left out"] = "unstable"
         return fingerprint_of(said)
+
+    @cached_property
+    def _middle(self) -> Member:
+        """The member in the middle of the prior."""
+        return self.member(self.prior.from_normal(np.zeros((1, len(self.prior))))[0])
 
     def _changes(self, theta: ArrayLike, pressure: bool) -> dict[str, Any]:
         """The values that the parameters set, in the run file or in the centre of pressure."""
@@ -251,5 +280,5 @@ def load_family(path: Path | str, *, allow_code: bool = False) -> Family:
     """
     file = load_family_file(path, allow_code=allow_code)
     family = Family(file, Prior(tuple(file.parameter)))
-    family.member(family.prior.from_normal(np.zeros((1, len(family.prior))))[0])  # what cannot be is told at once
+    family._middle  # noqa: B018  # what cannot be is told at once
     return family

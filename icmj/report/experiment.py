@@ -188,7 +188,8 @@ def _of_people(name: str, factor: float) -> str:
 CAPTIONS = {
     "double_step": (
         "Left: mean reaction times against the interval between the steps, to the first step (open circles) and to "
-        "the second (filled circles); bars are twice the standard error. Right: one pair of steps, with the control "
+        "the second (filled circles); bars are twice the standard error. Where directions differ, squares are pairs "
+        "of steps in the same direction, and circles reversals. Right: one pair of steps, with the control "
         "signal, the fitted linear model, and the steps at their true times and moved by the reaction times; the "
         "steps are drawn below the control, and not to scale."
     ),
@@ -240,7 +241,9 @@ def _of_double_steps(s: Any, recorded: bool) -> list[str]:
         "intercept of a line that the second reaction time follows (free regression), the same with slope −1, the "
         "largest interval at which it is longer than the first, and its range. Intervals in brackets are 95 % "
         "confidence intervals from resampled pairs. BIC is the Bayesian information criterion of each kind of "
-        "controller, minus that of the best.",
+        "controller, minus that of the best. Pairs in the same direction and reversals are analysed by themselves; "
+        "results of all pairs are given only if both are of one kind and their intervals of slope −1 overlap, or one "
+        "direction has too few pairs.",
         _SAME,
     ]
 

@@ -8,6 +8,7 @@ Figures of a fit: posterior beside prior, recorded beside simulated sway, calibr
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from textwrap import fill as fill_lines
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -18,7 +19,7 @@ from icmj.base.numbers import readable
 from icmj.errors import ReportError
 from icmj.experiments.quiet_standing import Finding, Standing
 from icmj.experiments.reconstruction import Reconstruction
-from icmj.experiments.refractoriness import Refractoriness
+from icmj.experiments.refractoriness import DIRECTIONS, Refractoriness
 from icmj.measurement.statistics import cut_windows, hann
 from icmj.report import style
 from icmj.report.figures import COLOURS
@@ -265,12 +266,16 @@ def draw_reconstruction(axes: Axes, found: Reconstruction, pair: int) -> None:
 
 
 def double_step_figure(found: Sequence[ShownResult], example: Reconstruction | None) -> Figure:
-    """RT1 (open) and RT2 (filled) of every case against the interval, and one reversal as it was reconstructed."""
+    """RT1 (open) and RT2 (filled) of every case against the interval, and one reversal as it was reconstructed.
+
+    Of a case whose directions differ, both are drawn.
+    """
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
     figure = Figure(figsize=(170 * style.MM, 80 * style.MM))
     times, pair = (figure.add_axes((left, 0.13, wide, 0.82)) for left, wide in ((0.075, 0.47), (0.635, 0.35)))
+    apart = False
     for one, colour in assign_colours(found):
         if one.finding is None:
             continue
@@ -282,17 +287,25 @@ def double_step_figure(found: Sequence[ShownResult], example: Reconstruction | N
             "capsize": 1.5,
             "elinewidth": 0.6,
         }
-        for name, fill in (("RT1", "none"), ("RT2", "full")):
-            error = 2 * curves[f"{name}, error (s)"]
-            times.errorbar(
-                curves["ISI (s)"], curves[f"{name} (s)"], error, marker="o", markersize=3.5, fillstyle=fill, **look
-            )
+        of = ("",) if "ISI (s)" in curves else tuple(f"{name}, " for name in DIRECTIONS)
+        apart = apart or len(of) > 1
+        for part, (name, fill) in product(of, (("RT1", "none"), ("RT2", "full"))):
+            isi, rt, error = (curves[f"{part}{what} (s)"] for what in ("ISI", name, f"{name}, error"))
+            look["marker"] = "s" if part.startswith(DIRECTIONS[0]) else "o"
+            times.errorbar(isi, rt, 2 * error, markersize=3.5, fillstyle=fill, **look)
     times.set(xlabel="interval between the steps (s)", ylabel="reaction time (s)", xlim=(0, None))
     low, high = times.get_ylim()
     times.set_ylim(0, high + 0.08 * (high - low))
     ring: dict[str, Any] = {"color": "#555555", "linestyle": "none", "marker": "o", "markersize": 4}
-    first = Line2D([], [], fillstyle="none", label="first step", **ring)
-    times.legend(handles=[first, Line2D([], [], label="second step", **ring)], loc="upper right", ncols=2)
+    handles = [
+        Line2D([], [], fillstyle="none", label="first step", **ring),
+        Line2D([], [], label="second step", **ring),
+    ]
+    if apart:
+        handles += [
+            Line2D([], [], label=name, **ring | {"marker": m}) for name, m in zip(DIRECTIONS, "so", strict=True)
+        ]
+    times.legend(handles=handles, loc="upper right", ncols=2)
     under_legend(figure, [times, pair], found)
     if example is not None:
         turned = np.flatnonzero(~example.pairs.same & np.isfinite(example.rt).all(axis=1))

@@ -386,7 +386,7 @@ def _parse_stood(content: bytes, draws: int) -> Array:
 
 
 def simulate_member(family: Family, theta: Array, seed: int) -> Array | None:
-    """One trial of one member [m] at 100 Hz; ``None`` if it fell, or there is no such controller."""
+    """One trial of one member [m] at 100 Hz; ``None`` if it fell, is unstable, or is no controller."""
     try:
         return family.member(theta).trial(seed)
     except IcmjError:

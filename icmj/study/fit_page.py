@@ -464,7 +464,7 @@ def words_of(one: FamilyFit) -> str:
     rests = (
         f"the posterior rests on an effective number of {one.support:.0f} of the people simulated to train it; {inside}"
     )
-    fell = f"; {100 * p.fell:.0f} % of {PREDICTED} simulated draws fell" if p.fell > 0 else ""
+    fell = f"; {100 * p.fell:.0f} % of {PREDICTED} simulated draws did not stand" if p.fell > 0 else ""
     misfit = f"{one.misfit.words[0].upper()}{one.misfit.words[1:]}. " if one.misfit else ""
     return f"{misfit}{rests[0].upper()}{rests[1:]}{fell}."
 

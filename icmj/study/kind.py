@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -33,15 +34,7 @@ from icmj.engine.reaction import ground_force, reaction
 from icmj.errors import DataError, IcmjError
 from icmj.experiments.quiet_standing import Finding, Recording, Standing, keep_complete, quiet_standing, sway_numbers
 from icmj.experiments.reconstruction import Reconstruction, reconstruct_steps
-from icmj.experiments.refractoriness import (
-    FEWEST_INTERVALS,
-    KINDS,
-    Explanation,
-    Refractoriness,
-    explain_reactions,
-    group_intervals,
-    refractoriness,
-)
+from icmj.experiments.refractoriness import DIRECTIONS, Explanation, Reactions, Refractoriness, analyse_reactions
 from icmj.runfile.control_tables import DoubleStepsSetpoint
 from icmj.runfile.experiment_tables import DoubleStepTable, ExperimentFile, QuietStandingTable
 from icmj.runfile.schema import RunFile
@@ -230,29 +223,32 @@ TARGET, CONTROL, COMBINED = "target", "control", "followed"
 class FoundDoubleStep:
     """Refractory duration and kind of controller, of all trials together; a :class:`Finding`.
 
+    People were found to be refractory at reversals only (van de Kamp et al. 2013), so both directions are analysed by
+    themselves, and all pairs together only if nothing is found in which the directions differ.
+
     Attributes:
-        refractory: by four estimates.
-        told: which kind of controller explains the reaction times.
+        directions: results of each direction that has enough pairs, by name.
+        pooled: result of all pairs; ``None`` if the directions differ.
         seen: the first trial as it was reconstructed.
     """
 
-    refractory: Refractoriness
-    told: Explanation
+    directions: Mapping[str, Reactions]
+    pooled: Reactions | None
     seen: Reconstruction
 
     @property
+    def refractory(self) -> Refractoriness | None:
+        """The estimates of all pairs; ``None`` if the directions differ."""
+        return self.pooled and self.pooled.refractory
+
+    @property
+    def told(self) -> Explanation | None:
+        """The kind of controller that explains all pairs; ``None`` if the directions differ."""
+        return self.pooled and self.pooled.told
+
+    @property
     def numbers(self) -> Mapping[str, float]:
-        found = self.refractory
-        numbers = {"mean RT1 (s)": found.rt1_mean}
-        for name, one in (
-            ("free regression", found.free),
-            ("slope −1", found.fixed),
-            ("largest ISI", found.largest),
-            ("range of RT2", found.range),
-        ):
-            numbers |= {f"{name} (s)": one.value, f"{name}, from (s)": one.low, f"{name}, to (s)": one.high}
-        least = min(self.told.bic.values())
-        return numbers | {f"BIC, {kind}": self.told.bic[kind] - least for kind in KINDS}
+        return {name: value for prefix, one in self._parts for name, value in _prefixed(prefix, one.numbers).items()}
 
     @property
     def deviations(self) -> Mapping[str, float]:
@@ -260,27 +256,33 @@ class FoundDoubleStep:
 
     @property
     def curves(self) -> Mapping[str, Array]:
-        found = self.refractory
-        return {
-            "ISI (s)": found.isi,
-            "pairs": found.count.astype(float),
-            "RT1 (s)": found.rt1,
-            "RT1, error (s)": found.rt1_error,
-            "RT2 (s)": found.rt2,
-            "RT2, error (s)": found.rt2_error,
-        }
+        """Those of all pairs and of each direction; NaN behind the last interval of one that has fewer."""
+        curves = {name: of for prefix, one in self._parts for name, of in _prefixed(prefix, one.curves).items()}
+        most = max(map(len, curves.values()))
+        return {name: np.append(of, np.full(most - len(of), np.nan)) for name, of in curves.items()}
 
     @property
     def words(self) -> str:
-        one = self.refractory.fixed
-        refractory = (
-            f"a refractory period of {one.value:.3g} s (95 % interval {one.low:.3g} to {one.high:.3g} s)"
-            if one.low > 0 and self.told.kind != "continuous"
-            else f"no refractory period above {self.refractory.isi.min():.3g} s"
-        )
-        kind = {"clock": "clock-driven", "event": "event-driven", "sampling": "event-driven with delayed sampling"}
-        pairs = int(self.refractory.count.sum())
-        return f"Classified as {kind.get(self.told.kind, self.told.kind)}; {refractory}, from {pairs} pairs of steps."
+        if self.pooled is None:
+            each = " ".join(f"{name[:1].upper()}{name[1:]}: {one.words}." for name, one in self.directions.items())
+            return f"The two directions differ. {each}"
+        sure = len(self.directions) == len(DIRECTIONS)
+        pairs = self.seen.pairs.same
+        alike = ", and the same in both directions" if sure else ", too few to compare both directions"
+        if not sure and pairs.all() | ~pairs.any():
+            alike = f", all of them {'in the same direction' if pairs.all() else 'reversals'}"
+        return f"{self.pooled.words[:1].upper()}{self.pooled.words[1:]}{alike}."
+
+    @property
+    def _parts(self) -> list[tuple[str, Reactions]]:
+        return [
+            *([("", self.pooled)] if self.pooled else []),
+            *((f"{name}, ", of) for name, of in self.directions.items()),
+        ]
+
+
+def _prefixed(prefix: str, named: Mapping[str, Any]) -> dict[str, Any]:
+    return {f"{prefix}{name}": of for name, of in named.items()}
 
 
 class DoubleStepKind(Kind):
@@ -330,13 +332,14 @@ class DoubleStepKind(Kind):
             pairs = find_step_pairs(one.series, TARGET)
             seen.append(reconstruct_steps(one.series, CONTROL, pairs, latest=table.latest))
         isi, rt = np.concatenate([one.pairs.isi for one in seen]), np.concatenate([one.rt for one in seen])
-        step = max(one.step for one in seen)
-        told, shortest = explain_reactions(isi, rt, step), table.shortest
-        if told.kind == "sampling":  # what falls into one sample is no refractoriness
-            late = told.parameters["sampling"]["d_s"]
-            beyond = group_intervals(isi[isi >= late], 1.5 * step)[0]
-            shortest = max(shortest, late) if len(beyond) >= FEWEST_INTERVALS else shortest
-        return FoundDoubleStep(refractoriness(isi, rt, alike=1.5 * step, shortest=shortest), told, seen[0])
+        same, step = np.concatenate([one.pairs.same for one in seen]), max(one.step for one in seen)
+        directions = {}
+        for name, pairs in zip(DIRECTIONS, (same, ~same), strict=True):
+            with suppress(DataError):  # too few pairs
+                directions[name] = analyse_reactions(isi[pairs], rt[pairs], step, table.shortest)
+        agree = len(directions) < len(DIRECTIONS) or directions[DIRECTIONS[0]].agrees(directions[DIRECTIONS[1]])
+        pooled = analyse_reactions(isi, rt, step, table.shortest) if agree else None
+        return FoundDoubleStep(directions, pooled, seen[0])
 
     def drawn(self, found: Sequence[CaseResult]) -> Figure:
         from icmj.report.findings import double_step_figure

@@ -39,6 +39,7 @@ from icmj.errors import AnalysisError, expect
 from icmj.plant.linear_plant import LinearPlant, match_ports
 
 _FEWEST, _MANY, _MOST = 16, 64, 256  # Chebyshev points: at first, to see all roots of a loop that has few, at last
+NEUTRAL = 1e-6  # 1/s
 _SAME = 1e-7  # relative to the fastest root asked for: two roots that are one
 
 
@@ -55,6 +56,11 @@ class DelayLoop:
     F: Array
     G: Array
     tau: Array
+
+    @property
+    def left_out(self) -> np.ndarray:
+        """Roots of these equations that are not the loop's."""
+        return np.zeros(0)
 
     def characteristic(self, s: complex) -> np.ndarray:
         """The characteristic matrix Δ(s), shape (N, N)."""
@@ -211,18 +217,27 @@ def _distinct(roots: list[complex]) -> np.ndarray:
     return whole[falling(whole.real, -np.abs(whole.imag), whole.imag)] if len(whole) else whole
 
 
+def count_unstable(loop: DelayLoop) -> int:
+    """The number of roots of a loop by which it grows, with multiplicity, by the argument principle.
+
+    Roots within ``NEUTRAL`` of the imaginary axis are not counted: a neutral mode is there but for rounding. Those of a
+    predictor's loop are counted in its differential equations, less the eigenvalues of Â, which are cheaper than
+    Δ(s) with its integral.
+    """
+    equations = DelayLoop(loop.F, loop.G, loop.tau)
+    return _number_right_of(equations, NEUTRAL) - int((loop.left_out.real > NEUTRAL).sum())
+
+
 def _number_right_of(loop: DelayLoop, line: float) -> int:
     """The number of roots with a real part above ``line``, with multiplicity, by the argument principle.
 
-    To the right of it |s| is at most the sum of the norms, which bounds the region.
+    To the right of it s is an eigenvalue of a matrix whose entries are at most those of the sum of all magnitudes; so
+    |s| is at most the spectral radius of the latter, which bounds the region. Half of it is the mirror image.
     """
-    norms = np.array([np.linalg.norm(G, 2) for G in loop.G])
-    far = float(np.linalg.norm(loop.F, 2) + (norms * np.exp(-min(line, 0.0) * loop.tau)).sum()) + 1.0
-    corners = [complex(line, -far), complex(far, -far), complex(far, far), complex(line, far), complex(line, -far)]
-    turned = 0.0
-    for a, b in pairwise(corners):
-        turned += _turn(loop, a, b)
-    return round(turned / (2 * np.pi))
+    delayed = np.tensordot(np.exp(-min(line, 0.0) * loop.tau), np.abs(loop.G), axes=1)
+    far = float(np.abs(np.linalg.eigvals(np.abs(loop.F) + delayed)).max()) + 1.0 + abs(line)
+    corners = [complex(far), complex(far, far), complex(line, far), complex(line)]
+    return round(sum(_turn(loop, a, b) for a, b in pairwise(corners)) / np.pi)
 
 
 def _turn(loop: DelayLoop, a: complex, b: complex) -> float:
@@ -268,6 +283,12 @@ class PredictorLoop(DelayLoop):
 
     plant: LinearPlant
     law: PredictorController
+
+    @property
+    def left_out(self) -> np.ndarray:
+        """The eigenvalues of Â, if the prediction is part of the equations."""
+        added = len(self.F) > self.plant.n + self.law.plant.n
+        return np.linalg.eigvals(self.law.plant.A) if added else np.zeros(0)
 
     def characteristic(self, s: complex) -> np.ndarray:
         """The characteristic matrix Δ(s) of (x, x_o, u), shape (N, N)."""

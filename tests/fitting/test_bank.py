@@ -100,6 +100,38 @@ def test_what_falls_is_told_and_left_out():
     np.testing.assert_allclose(bank.prior.from_normal(bank.z), bank.theta, rtol=1e-9)
 
 
+def grows(theta) -> bool:
+    """Of delayed feedback of one link with muscles: by det Δ(s) as it is written down, along a large half circle."""
+    topples, P, D, delay, muscle = theta[:5]
+    arc = 1000 * np.exp(1j * np.linspace(-np.pi / 2, np.pi / 2, 20_001))
+    axis = 1j * np.concatenate([np.linspace(1000, 1, 40_001), np.linspace(1, -1, 4001), np.linspace(-1, -1000, 40_001)])
+    s = np.concatenate([arc, axis])
+    torque = (P + D * s) * np.exp(-s * delay) / (muscle * s + 1) - topples
+    turned = np.unwrap(np.angle((muscle * s + 1) * (s**2 + 0.04213 * s + 0.0109426 * torque)))
+    return round((turned[-1] - turned[0]) / (2 * np.pi)) > 0
+
+
+def test_a_continuous_member_whose_loop_grows_is_left_out_though_it_stood():
+    family = load_family("delayed-pd")
+    bank = simulate_bank(family, 12, seed=0, trials=1, duration=30.0, jobs=1)
+    grow = np.array([grows(theta) for theta in bank.theta])
+    assert bank.fell[grow].all()
+    at = 11  # by its loop alone
+    member = family.member(bank.theta[at], 30.0)
+    assert grow[at]
+    assert member.trial(1) is None
+    assert simulate(prepare(member.run), "linear").outcome.kind == "completed"
+    assert not bank.fell[~grow].all()
+    assert "or stood with an unstable loop" in bank.words
+
+
+@pytest.mark.parametrize("name", ["event", "clock", "switching"])
+def test_a_member_that_cycles_is_not_judged_by_its_loop(name):
+    member = load_family(name)._middle
+    assert not member.has_one_loop
+    assert not member.unstable
+
+
 def test_a_family_file_that_is_wrong_is_one_line(tmp_path):
     text = FAMILIES.files["event"].read_text(encoding="utf-8")
     shutil.copytree(FAMILIES.folder / "runs", tmp_path / "runs")

@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 import icmj
+from icmj.controller.setpoint import double_steps
 from icmj.errors import DataError, RunFileError
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.reading import parse_toml
+from icmj.series.series import Series
+
+T_D = 0.14  # s
 
 TEXT = """
 [experiment]
@@ -49,6 +53,50 @@ def test_an_event_rule_is_told_from_two_trials_and_again_from_their_recordings(t
     icmj.write_series(first.chosen(["control"]), tmp_path / "half.csv")
     with pytest.raises(DataError, match="no column 'target'"):
         icmj.analyse_recordings(done.file, [tmp_path / "half.csv"])
+
+
+def answered(late, tmp_path):
+    """What the shipped analysis finds of steps that jumps of the control answer, by ``late(isi, same)`` seconds."""
+    pairs = double_steps((0.1, 0.2, 0.3, 0.5, 0.8), 6, recovery=(1.5, 2.0), seed=4)
+    seconds = T_D + np.column_stack([0 * pairs.isi, late(pairs.isi, pairs.same)])
+    t = 0.01 * np.arange(round(100 * pairs.end))
+    target = (t[:, None] >= pairs.t.ravel() - 1e-9) @ pairs.sizes.ravel()
+    since = t[:, None] - (pairs.t + seconds).ravel()
+    control = np.where(since >= 0, 1 + 1.4 * np.exp(-28 * np.maximum(since, 0)), 0) @ pairs.sizes.ravel()
+    series = Series(t, np.column_stack([target, control]), ("target", "control"), ("rad", "N m"))
+    icmj.write_series(series, tmp_path / "anna.csv")
+    return icmj.analyse_recordings(file_of(TEXT, tmp_path), [tmp_path / "anna.csv"], tmp_path / "out")
+
+
+def test_who_is_refractory_at_reversals_only_is_so_in_that_direction_and_has_no_pooled_verdict(tmp_path):
+    done = answered(lambda isi, same: np.where(same, 0, np.maximum(0, 0.35 - isi)), tmp_path)
+    found = done.found[0].finding
+    assert found.pooled is found.told is found.refractory is None
+    same, reversal = (found.directions[name] for name in ("same direction", "reversal"))
+    assert (same.told.kind, reversal.told.kind) == ("continuous", "event")
+    assert reversal.refractory.fixed.value == pytest.approx(0.35, abs=0.01)
+    assert same.refractory.fixed.low == 0
+    assert same.refractory.fixed.high < 0.1 + 0.01  # what is shorter than the least interval cannot show; and a row
+    assert found.numbers["reversal, slope −1 (s)"] == reversal.refractory.fixed.value
+    assert not {"slope −1 (s)", "BIC, event", "ISI (s)"} & {*found.numbers, *found.curves}
+    assert "directions differ. Same direction: classified as continuous; no refractory period" in found.words
+    assert "Reversal: classified as event-driven; a refractory period of 0.35 s" in found.words
+    assert "directions differ" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_who_is_refractory_in_both_directions_has_a_pooled_verdict_beside_those_of_both(tmp_path):
+    found = answered(lambda isi, same: np.maximum(0, 0.35 - isi), tmp_path).found[0].finding
+    assert found.told.kind == "event"
+    for name in ("", "same direction, ", "reversal, "):
+        assert found.numbers[f"{name}slope −1 (s)"] == pytest.approx(0.35, abs=0.01)
+        np.testing.assert_array_equal(found.curves[f"{name}pairs"], 6 if name else 12)
+    assert found.words.endswith("from 60 pairs of steps, and the same in both directions.")
+
+
+def test_directions_of_other_durations_differ(tmp_path):
+    found = answered(lambda isi, same: np.maximum(0, np.where(same, 0.25, 0.45) - isi), tmp_path).found[0].finding
+    assert found.pooled is None
+    assert found.words.startswith("The two directions differ.")
 
 
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])

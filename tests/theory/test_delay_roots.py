@@ -6,7 +6,7 @@ from scipy.special import lambertw
 
 from icmj import LinearPlant, SwitchingPD
 from icmj.errors import AnalysisError
-from icmj.theory.delay_roots import DelayLoop, delay_loop, rightmost_roots, stability_limit
+from icmj.theory.delay_roots import DelayLoop, count_unstable, delay_loop, rightmost_roots, stability_limit
 
 MASS, LENGTH, GRAVITY, DELAY = 60.0, 1.0, 9.81, 0.2
 MGH, INERTIA = MASS * GRAVITY * LENGTH, MASS * LENGTH**2
@@ -106,6 +106,22 @@ def test_every_root_solves_the_equation_and_none_is_missed(seed: int) -> None:
             singular = np.linalg.svd(some.characteristic(root), compute_uv=False)
             if singular[-1] < 1e-9 * singular[0]:  # else Newton's method is still under way
                 assert np.abs(found - root).min() < 1e-6 or np.abs(found - root.conjugate()).min() < 1e-6
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_what_grows_is_counted_as_a_plain_sum_along_a_large_half_circle_counts_it(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    some = DelayLoop(random.standard_normal((3, 3)), random.standard_normal((2, 3, 3)), np.array([0.2, 0.5]))
+    R = sum(np.linalg.norm(M, 2) for M in (some.F, *some.G)) + 1
+    arc, axis = R * np.exp(1j * np.linspace(-np.pi / 2, np.pi / 2, 4001)), 1j * np.linspace(R, -R, 8001)
+    turned = np.unwrap(np.angle([np.linalg.det(some.characteristic(s)) for s in (*arc, *axis)]))
+    assert count_unstable(some) == round((turned[-1] - turned[0]) / (2 * np.pi))
+
+
+def test_a_neutral_mode_does_not_grow_whatever_its_last_bit_is() -> None:
+    for at in (-1e-15, 0.0, 1e-15):
+        assert count_unstable(DelayLoop(np.array([[at]]), np.zeros((1, 1, 1)), np.array([0.1]))) == 0
+    assert count_unstable(DelayLoop(np.array([[1e-3]]), np.zeros((1, 1, 1)), np.array([0.1]))) == 1
 
 
 def test_what_has_no_such_roots_is_told(root: object) -> None:

@@ -10,7 +10,14 @@ from linear_cases import pendulum_design
 from icmj import Delay, PredictorController
 from icmj.controller.setpoint import Target, setpoint, step
 from icmj.errors import AnalysisError
-from icmj.theory.delay_roots import DelayLoop, delay_loop, predictor_covariance, predictor_loop, rightmost_roots
+from icmj.theory.delay_roots import (
+    DelayLoop,
+    count_unstable,
+    delay_loop,
+    predictor_covariance,
+    predictor_loop,
+    rightmost_roots,
+)
 
 
 def poles(design) -> np.ndarray:
@@ -61,6 +68,15 @@ def test_otherwise_they_are_those_of_the_differential_equations_but_for_the_mode
     count = min(len(found), len(rest))
     assert count >= 4
     np.testing.assert_allclose(found[:count], rest[:count], atol=1e-9)
+
+
+@pytest.mark.parametrize("design", designs(), ids=["pendulum", "of order 3", "of order 4"])
+@pytest.mark.parametrize("gain", [0.0, 0.3, 1.0, -1.0])
+def test_what_grows_is_counted_without_the_models_own(design, gain) -> None:
+    """With an exact model it is what Â − B̂k̂ and Â − LĈ have right of the axis, whatever k̂ is."""
+    design = replace(design, k=gain * design.k)
+    loop = predictor_loop(design.plant, PredictorController(design, Delay(0.1)))
+    assert count_unstable(loop) == (poles(design).real > 0).sum()
 
 
 def test_the_slope_is_that_of_the_characteristic_matrix() -> None:
