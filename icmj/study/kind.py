@@ -239,12 +239,12 @@ class FoundDoubleStep:
     @property
     def refractory(self) -> Refractoriness | None:
         """The estimates of all pairs; ``None`` if the directions differ."""
-        return self.pooled and self.pooled.refractory
+        return self.pooled.refractory if self.pooled else None
 
     @property
     def told(self) -> Explanation | None:
         """The kind of controller that explains all pairs; ``None`` if the directions differ."""
-        return self.pooled and self.pooled.told
+        return self.pooled.told if self.pooled else None
 
     @property
     def numbers(self) -> Mapping[str, float]:
@@ -267,10 +267,10 @@ class FoundDoubleStep:
             each = " ".join(f"{name[:1].upper()}{name[1:]}: {one.words}." for name, one in self.directions.items())
             return f"The two directions differ. {each}"
         sure = len(self.directions) == len(DIRECTIONS)
-        pairs = self.seen.pairs.same
+        same = self.seen.pairs.same
         alike = ", and the same in both directions" if sure else ", too few to compare both directions"
-        if not sure and pairs.all() | ~pairs.any():
-            alike = f", all of them {'in the same direction' if pairs.all() else 'reversals'}"
+        if not sure and (same.all() or not same.any()):
+            alike = f", all of them {'in the same direction' if same.all() else 'reversals'}"
         return f"{self.pooled.words[:1].upper()}{self.pooled.words[1:]}{alike}."
 
     @property
@@ -334,9 +334,9 @@ class DoubleStepKind(Kind):
         isi, rt = np.concatenate([one.pairs.isi for one in seen]), np.concatenate([one.rt for one in seen])
         same, step = np.concatenate([one.pairs.same for one in seen]), max(one.step for one in seen)
         directions = {}
-        for name, pairs in zip(DIRECTIONS, (same, ~same), strict=True):
+        for name, of in zip(DIRECTIONS, (same, ~same), strict=True):
             with suppress(DataError):  # too few pairs
-                directions[name] = analyse_reactions(isi[pairs], rt[pairs], step, table.shortest)
+                directions[name] = analyse_reactions(isi[of], rt[of], step, table.shortest)
         agree = len(directions) < len(DIRECTIONS) or directions[DIRECTIONS[0]].agrees(directions[DIRECTIONS[1]])
         pooled = analyse_reactions(isi, rt, step, table.shortest) if agree else None
         return FoundDoubleStep(directions, pooled, seen[0])
