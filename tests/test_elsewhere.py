@@ -131,6 +131,14 @@ FEATURES = {
     "POSIX": "POSIX os.uname os.getuid os.geteuid os.getgid os.fchmod os.pread os.pwrite os.statvfs os.mkfifo",
 }
 ALL = " ".join(FEATURES.values())
+# what is absent at once here, so that no other absence hides a way that is taken without it
+TOGETHER = {
+    "locks, limits and flushed folders": ("locks of files", "limits", "flushed folders", "timers"),
+    "fcntl, resource and proc": ("fcntl", "resource", "proc and files in memory", "masks of signals"),
+    "signals and flags": ("signals", "flags of files"),
+    "terminals and descriptors": ("prctl, terminals and users", "descriptors and forks"),
+    "POSIX": ("POSIX",),
+}
 EVERYTHING = """
 import importlib, pkgutil, icmj
 for module in pkgutil.walk_packages(icmj.__path__, "icmj."):
@@ -215,16 +223,17 @@ ONE = ["--set", "simulation.duration=4.0", "--set", "study.growth_points=0", "--
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("feature", FEATURES)
-def test_study_sweep_experiment_and_simulations_of_a_fit_without(feature: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("which", TOGETHER)
+def test_study_sweep_experiment_and_simulations_of_a_fit_without(which: str, tmp_path: Path) -> None:
     """Each by two processes."""
+    assert sorted(feature for features in TOGETHER.values() for feature in features) == sorted(FEATURES)
     sweep = sweep_file(tmp_path, GRID.format(count=3), chunk=1)
     commands = [
         ["study", "simple-0.8", *ONE, "--set", "study.law_q_t=[]", "--jobs", "2", "--out", "study"],
         ["sweep", str(sweep), "--out", "swept", "--jobs", "2"],
         ["experiment", str(experiment_file(tmp_path)), "--out", "experiment", "--jobs", "2"],
     ]
-    well(bare(COMMANDS.format(commands=commands) + BANK, tmp_path, FEATURES[feature]))
+    well(bare(COMMANDS.format(commands=commands) + BANK, tmp_path, " ".join(FEATURES[one] for one in TOGETHER[which])))
     assert (tmp_path / "study" / "report.html").is_file()
 
 
