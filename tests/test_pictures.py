@@ -31,17 +31,9 @@ def test_what_is_shown_is_drawn_by_the_script_and_nothing_else(drawing, root):
     assert shown == there == set(drawing.PICTURES) == set(drawing.manifest())
 
 
-# drawing code has changed since these were drawn, which takes half an hour: to be drawn anew, and taken from this list
-DUE = {
-    "basins.png", "cycles-pendulum.png", "cycles-three-link.png", "cycles-threshold.png", "deciding.png",
-    "double-step-head.png", "double-step-joystick.png", "double-step.png", "intersection-point.png",
-    "perturbed-stance.png", "remnant.png", "validity.png",
-}  # fmt: skip
-
-
 def test_no_picture_is_older_than_what_it_is_drawn_from(drawing, root):
     """Digests of run files, models, examples and drawing code, and of the picture itself."""
-    assert set(drawing.outdated()) == DUE, "run python docs/draw.py --outdated, and look at the pictures"
+    assert not drawing.outdated(), "run python docs/draw.py --outdated, and look at the pictures"
     for name, known in drawing.manifest().items():
         content = (root / "docs" / "pictures" / name).read_bytes()
         assert hashlib.sha256(content).hexdigest() == known["picture"], f"{name} was not drawn by docs/draw.py"
