@@ -219,7 +219,7 @@ def apply_limits(plant: MujocoPlant, disturbance: Disturbance, rows: Array, u: A
         u: commands, shape (N, n_u).
     """
     model, ports, point = plant.model, plant.linearisation.ports, plant.linearisation.point
-    wanted = u + disturbance.beside(rows[:, 0], u)
+    wanted = u + disturbance.at_rows(rows[:, 0], u)
     if not has_limit(model):
         return wanted, np.zeros(wanted.shape, dtype=bool)
     ctrl = np.tile(point.ctrl, (len(rows), 1))

@@ -7,6 +7,7 @@ Inference sees z alone, of which each number is a rising function (:class:`icmj.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +21,7 @@ from icmj.base.process import limit_to_one_thread
 from icmj.case.case import check_names
 from icmj.case.plants import actual_plant, assumed_plant, controller_of, digests, linear_plant
 from icmj.controller.controller import Law, has_trigger
-from icmj.errors import AnalysisError, FitError
+from icmj.errors import AnalysisError, FitError, IcmjError
 from icmj.linear.run import simulate
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant, match_ports
@@ -244,8 +245,9 @@ class Family:
             "run": base.model_dump(exclude={"case"}),
             "files": digests(base),
         }
-        if self._middle.has_one_loop:
-            said["left out"] = "unstable"
+        with suppress(IcmjError):  # of a plant that cannot be, there is no loop
+            if self._middle.has_one_loop:
+                said["left out"] = "unstable"
         return fingerprint_of(said)
 
     @cached_property

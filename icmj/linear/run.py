@@ -171,7 +171,7 @@ def simulate_tapped(
         x_h=none,
         E=np.full(len(R), np.nan),
         events=Events(t=K[:, 0], x=K[:, 1 : 1 + n], x_o=before, x_h=before, y_max=y_max, y_min=y_min),
-        applied=u + acting.beside(when, u) if len(acting) else np.zeros((0, 0)),
+        applied=u + acting.at_rows(when, u) if len(acting) else np.zeros((0, 0)),
         outcome=outcome,
         precision={
             "integrator": "Taylor series",
@@ -306,7 +306,7 @@ def simulate(
             y_max=found.y_max,
             y_min=found.y_min,
         ),
-        applied=rows.u + beside.beside(found.t, rows.u) if len(beside) else np.zeros((0, 0)),
+        applied=rows.u + beside.at_rows(found.t, rows.u) if len(beside) else np.zeros((0, 0)),
         outcome=outcome,
         precision={
             "integrator": "matrix exponential",

@@ -69,7 +69,7 @@ def test_motion_agrees_with_dop853(plant, controller, x, beside):
     np.testing.assert_allclose(found.events.t, times, atol=1e-9, rtol=0)
     np.testing.assert_allclose(found.events.x, states[:, : plant.n], atol=1e-10, rtol=1e-9)
     np.testing.assert_allclose(found.x[-1], last[: plant.n], atol=1e-10, rtol=1e-9)
-    np.testing.assert_allclose(found.applied, found.u + d.beside(found.t, found.u), atol=1e-15)
+    np.testing.assert_allclose(found.applied, found.u + d.at_rows(found.t, found.u), atol=1e-15)
     assert np.abs(found.applied - found.u).max() > 0.1 * np.abs(found.u).max()
 
 
