@@ -10,17 +10,11 @@ def test_random_runs_obey(rule):
     assert not tally.failures
 
 
-# to be mended: 1 ms before a sinusoid ends, the export of rows 2 ms apart is off by 0.3 % of the largest input
-OPEN = "instants on mujoco: applied.ankle_torque at 1.599000 s"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 48, 4))
 def test_many_random_runs_obey(first):
     tally = hunt(range(first, first + 4))
-    known = [words for words in tally.failures if words.startswith(OPEN) and "seed 26:" in words]
-    assert len(known) == (first == 24)
-    assert tally.failures == known
+    assert not tally.failures
     assert sum(tally.obeyed.values()) > sum(tally.refused.values())
 
 
@@ -42,6 +36,7 @@ def test_rows_change_no_bit_of_a_motion_under_sinusoids(seed):
     (36, "linear"),  # the start, and a step of a reading, are read late, and what that does once more
     (7006, "linear"),  # a step at a row whose time is off by the rounding of many delays
     (9030, "mujoco"),  # a piece without a row after a switch
+    (26, "mujoco"),  # a piece without a row between an event and an edge
 ])  # fmt: skip
 def test_signals_are_exported_alike_whatever_the_rows(seed, plant):
     assert check("instants", seed, plant) == ""

@@ -13,7 +13,7 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -29,9 +29,6 @@ from icmj.runfile.schema import RunFile, key_text, value_text
 from icmj.runfile.sweep_tables import KINDS, docstrings
 from icmj.runfile.table import TomlTable
 from icmj.work.own_code import SHIPPED
-
-if TYPE_CHECKING:
-    pass
 
 START = 0.02  # [rad or m]: small, and enough to see
 _COLUMN, _MOST, _WIDTH = 32, 12, 110

@@ -15,7 +15,6 @@ from bisect import bisect_right
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -61,9 +60,6 @@ from icmj.cycle.specials import (
 )
 from icmj.errors import CycleError, prefix_errors
 from icmj.runfile.schema import RunFile
-
-if TYPE_CHECKING:
-    pass
 
 _SPARSE = 4  # points from one derivative to the next, at most
 _TRUE, _FALSE = 1e-4, 1e-3  # relative errors of an extrapolated derivative for the next to be further, or nearer; an

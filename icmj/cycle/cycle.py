@@ -390,8 +390,7 @@ def find_cycle(
         CycleError: if there is no cycle near the guess, with the reason, or if a disturbance changes in time.
         SimulationError: if a flight cannot be prepared.
     """
-    law = expect_rule(case, "find_cycle")
-    theory = expect_theory(case, "find_cycle")
+    law, theory = expect_rule(case, "find_cycle"), expect_theory(case, "find_cycle")
     rule = theory.rule if size is None else theory.rule.resized(size)
     settings = replace(case.settings, limit=case.settings.limit if limit is None else limit)
     actual = linear_plant(case.actual, settings) if plant == "linear" else case.model

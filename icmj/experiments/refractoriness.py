@@ -379,19 +379,19 @@ class Reactions:
 
     Attributes:
         refractory: refractory duration, by four estimates.
-        told: which kind of controller explains the reaction times.
+        explanation: the kind of controller that explains the reaction times.
         resolution: accuracy of the reaction times [s].
     """
 
     refractory: Refractoriness
-    told: Explanation
+    explanation: Explanation
     resolution: float
 
     def agrees(self, other: Reactions) -> bool:
         """Whether both are of one kind, and the intervals of ``fixed`` overlap but for what times are known to."""
         one, two = self.refractory.fixed, other.refractory.fixed
         apart = max(one.low, two.low) - min(one.high, two.high)
-        return self.told.kind == other.told.kind and apart < 1.5 * max(self.resolution, other.resolution)
+        return self.explanation.kind == other.explanation.kind and apart < 1.5 * max(self.resolution, other.resolution)
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -405,8 +405,8 @@ class Reactions:
             ("range of RT2", found.range),
         ):
             numbers |= {f"{name} (s)": one.value, f"{name}, from (s)": one.low, f"{name}, to (s)": one.high}
-        least = min(self.told.bic.values())
-        return numbers | {f"BIC, {kind}": self.told.bic[kind] - least for kind in KINDS}
+        least = min(self.explanation.bic.values())
+        return numbers | {f"BIC, {kind}": self.explanation.bic[kind] - least for kind in KINDS}
 
     @property
     def curves(self) -> dict[str, Array]:
@@ -427,10 +427,10 @@ class Reactions:
         one = self.refractory.fixed
         refractory = (
             f"a refractory period of {one.value:.3g} s (95 % interval {one.low:.3g} to {one.high:.3g} s)"
-            if one.low > 0 and self.told.kind != "continuous"
+            if one.low > 0 and self.explanation.kind != "continuous"
             else f"no refractory period above {self.refractory.isi.min():.3g} s"
         )
-        kind, pairs = _CLASSIFIED.get(self.told.kind, self.told.kind), int(self.refractory.count.sum())
+        kind, pairs = _CLASSIFIED.get(self.explanation.kind, self.explanation.kind), int(self.refractory.count.sum())
         return f"classified as {kind}; {refractory}, from {pairs} pairs of steps"
 
 

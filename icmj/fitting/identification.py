@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -28,9 +28,6 @@ from icmj.cycle.cycle import find_cycle
 from icmj.errors import IcmjError, IdentificationError
 from icmj.fitting.observed import FEWEST, SETTLED, SPAN, Observed, Rhythm, Sequence, Unknown, rhythm
 from icmj.simulation.simulation import Simulation
-
-if TYPE_CHECKING:
-    pass
 
 _POINTS = 33  # of the interval in which it is sought
 _SAME = 1e-6  # relative: a root at which the interval is not the one observed is a jump

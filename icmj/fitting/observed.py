@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from io import TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline, make_splrep
@@ -31,9 +31,6 @@ from icmj.runfile.schema import RunFile
 from icmj.series.formats import LONGEST_LINE
 from icmj.series.reading import MOST_BYTES, read_series
 from icmj.simulation.simulation import Simulation
-
-if TYPE_CHECKING:
-    pass
 
 FEWEST = 4  # events, or rows, below which nothing can be said
 READING = 0.01  # of its size: standard deviation of the error of an output, if nothing is said of it

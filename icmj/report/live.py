@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -38,9 +38,6 @@ from icmj.simulation.ending import limits_of
 from icmj.simulation.settings import Gridded, Noise, Placed, Settings, plant_start
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
-
-if TYPE_CHECKING:
-    pass
 
 DELAYS = (0.0, 0.05, 0.1, 0.15, 0.2)  # s; between them a slider of the intermittent controller has no place
 GAINS, STEP = (0.6, 1.5), 0.01  # of b

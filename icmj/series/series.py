@@ -455,7 +455,7 @@ def _by_pieces(t: Array, values: Array, at: Array, jumps: Array, after: Array, b
     apart = (kind == _BREAK) | ((kind == _JUMP) & np.append(shared, np.zeros(len(breaks) + len(bends), bool))[order])
     begins = np.append(0, np.where(kind == _JUMP, late, early))
     ends = np.append(np.where(apart, early, late), len(t))
-    # after a jump without any row the next one is nearer than what was before
+    # after a jump without any row the next one is nearer than what was before, if what is right after it is not known
     empty = (begins == ends) & np.append(False, kind == _JUMP) & (np.append(late, 0) > np.append(early, 0))
     ends = np.where(empty, np.append(late, len(t)), ends)
     # of its results, those at a jump belong to the piece before it, and others to the one after
@@ -465,15 +465,15 @@ def _by_pieces(t: Array, values: Array, at: Array, jumps: Array, after: Array, b
     for number, wanted in enumerate(pairwise(cuts)):
         if wanted[0] >= wanted[1]:
             continue
-        here, rows = slice(*wanted), slice(begins[number], ends[number])
-        knots, piece = t[rows], values[rows]
+        here = slice(*wanted)
         begun = number and kind[number - 1] == _JUMP
         head = after[order[number - 1]] if begun else np.full(values.shape[1], np.nan)
         known = np.isfinite(head)
         for columns, with_head in ((known, True), (~known, False)):
             if columns.any():
-                times = np.append(inner[number - 1], knots) if with_head else knots
-                through = np.vstack([head, piece])[:, columns] if with_head else piece[:, columns]
+                rows = slice(begins[number], begins[number] if with_head and empty[number] else ends[number])
+                times = np.append(inner[number - 1], t[rows]) if with_head else t[rows]
+                through = np.vstack([head, values[rows]])[:, columns] if with_head else values[rows][:, columns]
                 few = _apart(times, least)
                 result[here, columns] = _smooth(times[few], through[few], at[here], t, values[:, columns])
     return result

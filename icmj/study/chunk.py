@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -46,9 +46,6 @@ from icmj.runfile.schema import RunFile
 from icmj.simulation.simulation import Simulation
 from icmj.study.plan import Plan, Value
 from icmj.theory.prediction import PREDICTION
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, eq=False)

@@ -244,11 +244,11 @@ class FoundDoubleStep:
     @property
     def told(self) -> Explanation | None:
         """The kind of controller that explains all pairs; ``None`` if the directions differ."""
-        return self.pooled.told if self.pooled else None
+        return self.pooled.explanation if self.pooled else None
 
     @property
     def numbers(self) -> Mapping[str, float]:
-        return {name: value for prefix, one in self._parts for name, value in _prefixed(prefix, one.numbers).items()}
+        return {name: value for prefix, one in self._parts for name, value in _prefix(prefix, one.numbers).items()}
 
     @property
     def deviations(self) -> Mapping[str, float]:
@@ -257,7 +257,7 @@ class FoundDoubleStep:
     @property
     def curves(self) -> Mapping[str, Array]:
         """Those of all pairs and of each direction; NaN behind the last interval of one that has fewer."""
-        curves = {name: of for prefix, one in self._parts for name, of in _prefixed(prefix, one.curves).items()}
+        curves = {name: of for prefix, one in self._parts for name, of in _prefix(prefix, one.curves).items()}
         most = max(map(len, curves.values()))
         return {name: np.append(of, np.full(most - len(of), np.nan)) for name, of in curves.items()}
 
@@ -281,7 +281,7 @@ class FoundDoubleStep:
         ]
 
 
-def _prefixed(prefix: str, named: Mapping[str, Any]) -> dict[str, Any]:
+def _prefix(prefix: str, named: Mapping[str, Any]) -> dict[str, Any]:
     return {f"{prefix}{name}": of for name, of in named.items()}
 
 

@@ -73,7 +73,7 @@ def test_who_is_refractory_at_reversals_only_is_so_in_that_direction_and_has_no_
     found = done.found[0].finding
     assert found.pooled is found.told is found.refractory is None
     same, reversal = (found.directions[name] for name in ("same direction", "reversal"))
-    assert (same.told.kind, reversal.told.kind) == ("continuous", "event")
+    assert (same.explanation.kind, reversal.explanation.kind) == ("continuous", "event")
     assert reversal.refractory.fixed.value == pytest.approx(0.35, abs=0.01)
     assert same.refractory.fixed.low == 0
     assert same.refractory.fixed.high < 0.1 + 0.01  # what is shorter than the least interval cannot show; and a row
