@@ -458,6 +458,11 @@ def _by_pieces(t: Array, values: Array, at: Array, jumps: Array, after: Array, b
     # after a jump without any row the next one is nearer than what was before, if what is right after it is not known
     empty = (begins == ends) & np.append(False, kind == _JUMP) & (np.append(late, 0) > np.append(early, 0))
     ends = np.where(empty, np.append(late, len(t)), ends)
+    # where instants come faster than rows, a piece alone tells no slope, but rows of one side each are joined by lines
+    single = (ends - begins == 1) & ~empty
+    ends_it = single & np.append(np.abs(t[np.minimum(begins[:-1], len(t) - 1)] - inner) <= NEAR, True)
+    beside = np.where(ends_it, np.append(False, single[:-1]), np.append(single[1:], False))
+    dense = single & beside
     # of its results, those at a jump belong to the piece before it, and others to the one after
     cuts = np.concatenate([[0], np.searchsorted(at, inner + np.where(kind == _JUMP, NEAR, -NEAR)), [len(at)]])
     least = _CLOSE * float(np.median(np.diff(t))) if len(t) > 1 else 0.0
@@ -472,6 +477,8 @@ def _by_pieces(t: Array, values: Array, at: Array, jumps: Array, after: Array, b
         for columns, with_head in ((known, True), (~known, False)):
             if columns.any():
                 rows = slice(begins[number], begins[number] if with_head and empty[number] else ends[number])
+                if dense[number] and not with_head:
+                    rows = slice(rows.start - ends_it[number], rows.stop + (not ends_it[number]))
                 times = np.append(inner[number - 1], t[rows]) if with_head else t[rows]
                 through = np.vstack([head, values[rows]])[:, columns] if with_head else values[rows][:, columns]
                 few = _apart(times, least)

@@ -115,3 +115,12 @@ def test_after_a_jump_without_a_row_comes_the_value_of_the_next():
     values = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])[:, None]
     found = piecewise(t, values, np.array([1.5, 2.05, 2.3]), jumps=np.array([2.0]), breaks=np.array([2.1]))
     assert found[:, 0] == pytest.approx([1, 0, 0])
+
+
+@pytest.mark.parametrize("kind", ["jumps", "breaks"])
+def test_where_instants_come_faster_than_rows_lines_join_them(kind):
+    """A clock of some milliseconds, which stands for continuous control: a value alone would be late by half of it."""
+    t, h = 0.005 * np.arange(201), 0.005
+    at = np.arange(0.0201, 0.98, 0.0017)
+    found = piecewise(t, np.sin(20 * t)[:, None], at, **{kind: t[1:-1]})
+    assert np.abs(found.ravel() - np.sin(20 * at)).max() < 1.01 * (20 * h) ** 2 / 8
