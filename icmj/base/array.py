@@ -54,7 +54,7 @@ Finite = Annotated[float, Ge(-LARGEST), Le(LARGEST)]
 MOST_ENTRIES = 200  # of a list: more states, inputs or thresholds than can be computed with
 Seed = Annotated[int, Ge(0), Le(2**63 - 1)]
 
-SAME = 1e-9
+RELATIVE_ROUNDING = 1e-9
 """How far numbers may be apart, relative to them, and count as equal: rounding, with room for other processors."""
 SEMIDEFINITE = 1e-12
 """How far below zero an eigenvalue of :func:`balanced_modes` may lie, by rounding, for a semidefinite matrix."""
@@ -68,14 +68,14 @@ def leading(values: NDArray[Any]) -> int:
     Where two are equal, as in an eigenvector (1, −1), the last bit of either would decide with ``argmax``.
     """
     size = np.abs(values)
-    return int(np.argmax(size >= (1 - SAME) * size.max()))
+    return int(np.argmax(size >= (1 - RELATIVE_ROUNDING) * size.max()))
 
 
 def falling(keys: Array, *ties: Array) -> NDArray[np.int64]:
     """Indices that sort ``keys`` in descending order; keys that are equal but for rounding, by descending ``ties``."""
     order = np.argsort(-keys, kind="stable")
     size = np.abs(keys[order])
-    apart = np.abs(np.diff(keys[order])) > SAME * size[:-1] + 1e-13 * size.max(initial=0.0)
+    apart = np.abs(np.diff(keys[order])) > RELATIVE_ROUNDING * size[:-1] + 1e-13 * size.max(initial=0.0)
     group = np.zeros(len(keys), int)
     group[order[1:]] = np.cumsum(apart)
     return np.lexsort((*(-tie for tie in reversed(ties)), group))
@@ -84,13 +84,13 @@ def falling(keys: Array, *ties: Array) -> NDArray[np.int64]:
 def between(values: ArrayLike, low: float, high: float = np.inf) -> NDArray[np.bool_]:
     """Mask of the values from ``low`` to ``high``, both included, though rounding may have moved them a bit outside."""
     values = np.asarray(values, dtype=float)
-    return np.asarray((values >= low - SAME * abs(low)) & (values <= high + SAME * abs(high)))
+    return np.asarray((values >= low - RELATIVE_ROUNDING * abs(low)) & (values <= high + RELATIVE_ROUNDING * abs(high)))
 
 
 def steps_in(count: ArrayLike) -> Any:
     """Whole steps in ``count`` of them, as integers; one that is whole but for rounding is: in 0.3 / 0.1 are three."""
     count = np.asarray(count, dtype=float)
-    found = np.floor(count + SAME * np.maximum(np.abs(count), 1.0)).astype(np.int64)
+    found = np.floor(count + RELATIVE_ROUNDING * np.maximum(np.abs(count), 1.0)).astype(np.int64)
     return int(found) if found.ndim == 0 else found
 
 
@@ -108,7 +108,7 @@ def extent(values: Array) -> tuple[float, float]:
     """The range of a histogram of some values; where they are equal but for rounding, as wide as they are large."""
     low, high = float(values.min()), float(values.max())
     size = max(abs(low), abs(high))
-    if high - low > SAME * size:
+    if high - low > RELATIVE_ROUNDING * size:
         return low, high
     half, middle = size / 2 or 0.5, (low + high) / 2
     return middle - half, middle + half

@@ -23,14 +23,14 @@ import numpy as np
 
 from icmj.base.compilation import compiled, summing
 
-SAME = 1e-12
+ONE_INSTANT = 1e-12
 """Instants this close [s] are one."""
 
 
 @compiled
 def one(instant, other):  # type: ignore[no-untyped-def]
     """The instant, or the ``other`` where the two are one [s]; either may be infinite."""
-    return other if abs(instant - other) <= SAME else instant
+    return other if abs(instant - other) <= ONE_INSTANT else instant
 
 
 DEEPEST = 56  # rows that halving needs

@@ -60,9 +60,9 @@ import numpy as np
 from annotated_types import Len
 from numpy.typing import ArrayLike
 
-from icmj.base.array import MOST_ENTRIES, Array, Finite, NonNegative, Positive
+from icmj.base.array import MOST_ENTRIES, RELATIVE_ROUNDING, Array, Finite, NonNegative, Positive
 from icmj.controller.controller import Law
-from icmj.controller.design import GROWTH, SAME, Delay, Design
+from icmj.controller.design import GROWTH, Delay, Design
 from icmj.controller.realisation import Guard, Layout, Mode, Realisation
 from icmj.controller.setpoint import Setpoint
 from icmj.errors import AnalysisError
@@ -144,8 +144,8 @@ class PredictorController(Law):
         design, (A, B, C), k, L = self.design, (self.plant.A, self.plant.B, self.plant.C), self.design.k, self.design.L
         t_d, assumed, r = self.delay.t_d, self.delay.predicted, self.setpoint
         n, n_u, n_y, R = len(A), B.shape[1], len(C), len(r.names) if r else 0
-        same = abs(assumed - t_d) <= SAME * t_d
-        predicts = same or assumed > SAME * t_d  # else p is x_o
+        same = abs(assumed - t_d) <= RELATIVE_ROUNDING * t_d
+        predicts = same or assumed > RELATIVE_ROUNDING * t_d  # else p is x_o
         taps = (t_d,) if same or not predicts else tuple(sorted((assumed, t_d)))
         layout = Layout.of(x_o=n, **({"p": n, "z": n} if predicts else {}), **({"r": R} if R else {}))
         each, size = n_y + n_u, layout.size

@@ -25,7 +25,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from icmj.base.array import SEMIDEFINITE, Array, balanced_modes, real
+from icmj.base.array import RELATIVE_ROUNDING, SEMIDEFINITE, Array, balanced_modes, real
 from icmj.base.process import ignore_warnings, limit_to_one_thread
 from icmj.base.text import one_line
 from icmj.errors import AnalysisError, DesignError
@@ -229,7 +229,6 @@ HOLDS = {"system-matched": system_matched, "zero-order": zero_order}
 
 GROWTH = 36.0  # e³⁶: over a delay with more growth than that, rounding is as large as the state that is predicted
 LEAST = 1e-9  # s; with a shorter one event and action cannot be told apart in a recording
-SAME = 1e-9  # relative: a delay this close to a multiple of the clock's interval is one
 
 
 @dataclass(frozen=True)
@@ -273,12 +272,12 @@ class Delay:
         """The largest number of pending actions right after an event, under a rule or a clock of this interval."""
         if not self:
             return 0
-        return max(int(np.ceil(self.t_d / clock * (1 - SAME))), 1) if np.isfinite(clock) else 1
+        return max(int(np.ceil(self.t_d / clock * (1 - RELATIVE_ROUNDING))), 1) if np.isfinite(clock) else 1
 
     def expected(self, ages: Sequence[float]) -> list[float]:
         """Times until pending actions are expected [s], from the ages of their events; overdue ones are left out."""
         times = [self.predicted - age for age in ages]
-        return [time for time in times if time > SAME * self.predicted]
+        return [time for time in times if time > RELATIVE_ROUNDING * self.predicted]
 
 
 NO_DELAY = Delay()

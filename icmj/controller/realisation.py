@@ -31,7 +31,7 @@ from numbers import Real
 
 import numpy as np
 
-from icmj.base.array import SAME, Array, naturals, real
+from icmj.base.array import RELATIVE_ROUNDING, Array, naturals, real
 from icmj.base.text import one_line
 from icmj.errors import AnalysisError
 
@@ -167,7 +167,7 @@ class Guard:
 
     def __post_init__(self) -> None:
         Q = _expect_matrix(self.Q, "the matrix of a guard", (-1, -1))
-        if Q.shape[0] != Q.shape[1] or np.abs(Q - Q.T).max(initial=0) > SAME * np.abs(Q).max(initial=0):
+        if Q.shape[0] != Q.shape[1] or np.abs(Q - Q.T).max(initial=0) > RELATIVE_ROUNDING * np.abs(Q).max(initial=0):
             raise AnalysisError("the matrix of a guard must be symmetric; take the mean of it and its transpose")
         if not Q.any():
             raise AnalysisError("a guard whose matrix is zero has one sign for ever; leave it out")

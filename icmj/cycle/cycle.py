@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import SAME, Array
+from icmj.base.array import RELATIVE_ROUNDING, Array
 from icmj.base.process import limit_to_one_thread
 from icmj.case.case import Case, Theory, expect_rule, expect_theory, simulate_plant
 from icmj.case.plants import linear_plant
@@ -333,7 +333,7 @@ class Cycle:
     @property
     def attracting(self) -> bool:
         """Whether all multipliers, except those of neutral modes, are inside the unit circle by more than rounding."""
-        return bool(np.abs(self.isolated).max(initial=0.0) < 1 - SAME)
+        return bool(np.abs(self.isolated).max(initial=0.0) < 1 - RELATIVE_ROUNDING)
 
     @property
     def name(self) -> str:
@@ -344,7 +344,7 @@ class Cycle:
     def words(self) -> str:
         """The cycle in one sentence."""
         largest = float(np.abs(self.isolated).max(initial=0.0))
-        edge = abs(largest - 1) <= SAME
+        edge = abs(largest - 1) <= RELATIVE_ROUNDING
         kind = "attracting" if self.attracting else "marginal" if edge else "repelling"
         rhythm = ", ".join(f"{interval:.6g}" for interval in self.intervals)
         told = f", modulo {self.neutral} neutral" if self.neutral else ""

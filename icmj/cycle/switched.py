@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
-from icmj.base.array import SAME, Array
+from icmj.base.array import RELATIVE_ROUNDING, Array
 from icmj.controller.controller import Law
 from icmj.controller.delayed import OFF, SwitchingPD
 from icmj.cycle.cycle import newton
@@ -190,7 +190,7 @@ class SwitchedCycle:
     @property
     def attracting(self) -> bool:
         """Whether every multiplier is inside the unit circle, and not on it but for rounding."""
-        return bool(np.abs(self.multipliers[0]) < 1 - SAME)
+        return bool(np.abs(self.multipliers[0]) < 1 - RELATIVE_ROUNDING)
 
     @property
     def words(self) -> str:
@@ -229,7 +229,7 @@ def find_switched_cycle(
     start = 10 * law.dead_zone * np.eye(plant.n)[0] if x0 is None else np.asarray(x0, dtype=float)
     guess = (start, rounds, sign) if rounds else _guess(loop, start)
     z, p, sign = guess
-    scale = np.maximum(np.abs(z), SAME * np.abs(z).max())
+    scale = np.maximum(np.abs(z), RELATIVE_ROUNDING * np.abs(z).max())
     found = newton(loop, z, scale, lambda turn: jacobian(loop, turn.states[0], scale, p).J, p=p, sign=sign)
     p, sign = _shortest(found.turn.states, p, sign)
     J = jacobian(loop, found.z, scale, p, rounding=found.closure)

@@ -34,7 +34,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.process import defer_interrupt
-from icmj.base.roots import SAME
+from icmj.base.roots import ONE_INSTANT
 from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.controller.realisation import Layout, Mode, Realisation
 from icmj.engine.block import Block, block_of, numbers_of, pack
@@ -315,8 +315,8 @@ class ExtremesTracker:
             t_i, y_i = self._t[start : end + 1], self._y[start : end + 1]
             inside = self._jumps(float(t_i[0]), float(t_i[-1]))
             # a jump at either end cuts nothing, whatever the last bit of its time is
-            inside = inside[(inside - t_i[0] > SAME) & (t_i[-1] - inside > SAME)]
-            cuts = np.concatenate([[0], np.searchsorted(t_i, inside - SAME), [len(t_i) - 1]])
+            inside = inside[(inside - t_i[0] > ONE_INSTANT) & (t_i[-1] - inside > ONE_INSTANT)]
+            cuts = np.concatenate([[0], np.searchsorted(t_i, inside - ONE_INSTANT), [len(t_i) - 1]])
             high, low = extremes(t_i, y_i, self._points, cuts)
             self._max.append(high)
             self._min.append(low)

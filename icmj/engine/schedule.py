@@ -19,10 +19,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from icmj.base.array import Array
-from icmj.base.roots import SAME as ONE_INSTANT
+from icmj.base.array import RELATIVE_ROUNDING, Array
+from icmj.base.roots import ONE_INSTANT
 from icmj.controller.controller import Law
-from icmj.controller.design import SAME
 from icmj.plant.linear_plant import LinearPlant
 
 STAGES, RATES, POWER = 12, 16, 7
@@ -201,7 +200,7 @@ class Schedule:
     def clock_action(self, number: int) -> float:
         """Time of the action of this event of the clock [s]; a tick if the delay is a multiple of its interval."""
         ticks = self.delay / self.clock
-        if abs(ticks - round(ticks)) < SAME * ticks:
+        if abs(ticks - round(ticks)) < RELATIVE_ROUNDING * ticks:
             return (number + round(ticks)) * self.clock
         return number * self.clock + self.delay
 

@@ -23,7 +23,7 @@ import pyarrow as pa
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from icmj.base.array import SAME, Array
+from icmj.base.array import RELATIVE_ROUNDING, Array
 from icmj.base.files import whole
 from icmj.base.numbers import amount, collect_facts, relative
 from icmj.base.numbers import eigenvalue as eigenvalue_in_words
@@ -146,7 +146,7 @@ def _upright(r: Setpoint, t: Array) -> tuple[Array, Array]:
     """The set-point at these times, and before and after each of its jumps between them."""
     edges = r.edges[r.edges < t[-1]]
     when = np.concatenate([edges, t, edges])
-    values = np.concatenate([r((1 - SAME) * edges), r(t), r(edges)])
+    values = np.concatenate([r((1 - RELATIVE_ROUNDING) * edges), r(t), r(edges)])
     order = np.argsort(when, kind="stable")
     return when[order], values[order]
 

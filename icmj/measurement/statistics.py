@@ -24,7 +24,7 @@ from typing import Literal
 
 import numpy as np
 
-from icmj.base.array import SAME, Array, between, extent
+from icmj.base.array import RELATIVE_ROUNDING, Array, between, extent
 from icmj.errors import DataError
 from icmj.series.series import evenly
 from icmj.simulation.simulation import Simulation
@@ -309,7 +309,7 @@ def modality(values: Array, *, signal: bool = False, resamples: int = 199, seed:
     if not deviation > _STILL * np.abs(values).max():
         raise DataError("all values are the same; they have no distribution")
     x, random = x / deviation, np.random.default_rng(seed)
-    if np.ptp(_inner(x)) <= SAME:  # deviations
+    if np.ptp(_inner(x)) <= RELATIVE_ROUNDING:  # deviations
         return Modality(0.0, 1.0, len(x))
     h = _critical(x)
     larger = 0

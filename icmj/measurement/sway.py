@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from icmj.base.array import SAME, Array, between, steps_in
+from icmj.base.array import RELATIVE_ROUNDING, Array, between, steps_in
 from icmj.base.numbers import Card, WithCard, amount
 from icmj.errors import DataError
 from icmj.measurement.statistics import Spectrum, level_still, spectrum
@@ -489,7 +489,7 @@ def _slope(f: Array, P: Array) -> float:
     """
     beyond = np.maximum(SLOPE[0] - f, f - SLOPE[1]) / (f[1] - f[0])
     weight = np.clip(1 - beyond, 0, 1) * ((P > 0) & (f > 0))
-    low = weight > SAME
+    low = weight > RELATIVE_ROUNDING
     if between(f[low], *SLOPE).sum() < FEWEST_LINES:
         return np.nan
     return float(np.polynomial.polynomial.polyfit(np.log(f[low]), np.log(P[low]), 1, w=np.sqrt(weight[low]))[1])
@@ -538,7 +538,7 @@ def _filter(values: Array, corner: float, rate: float) -> Array:
     from scipy.signal import butter, sosfiltfilt
 
     lowest = rate / len(values)  # beneath one period in the record nothing is left, and the filter's poles round to 1
-    if not (between(corner, lowest) and corner < (1 - SAME) * rate / 2):
+    if not (between(corner, lowest) and corner < (1 - RELATIVE_ROUNDING) * rate / 2):
         raise DataError(
             f"a low-pass of {corner:g} Hz; expected from {lowest:.3g} Hz, one period in the record, to below half the "
             f"rate, {rate / 2:g} Hz"

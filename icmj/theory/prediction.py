@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import SAME, Array, falling, leading
+from icmj.base.array import RELATIVE_ROUNDING, Array, falling, leading
 from icmj.base.numbers import Card, Fact, WithCard, amount, eigenvalue
 from icmj.base.process import limit_to_one_thread
 from icmj.controller.controller import Controller
@@ -321,7 +321,7 @@ def _critical(
         if not orbit.admissible or multiplier is None:
             verdict: Verdict = "not admissible"
         else:
-            verdict = "attracting" if np.abs(multiplier).max(initial=0.0) < 1 - SAME else "repelling"
+            verdict = "attracting" if np.abs(multiplier).max(initial=0.0) < 1 - RELATIVE_ROUNDING else "repelling"
         members.append((orbit, multiplier, verdict))
     verdicts = [verdict for _, _, verdict in members]
     # of a family the member shown is one that a motion can come to, if there is one

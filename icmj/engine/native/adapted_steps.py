@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.roots import SAME
+from icmj.base.roots import ONE_INSTANT
 from icmj.engine import schedule
 from icmj.engine.native.adaptive import (
     accept,
@@ -184,7 +184,7 @@ def _fly(engine, plan, rule, stepper, room_for_roots, progress, record, target, 
         theta = event_in(room_for_roots, stepper, rule, len(engine.qpos) + len(engine.qvel) + engine.first, since)
         at = arm if theta < 0 else np.inf
         s = arm - t if theta < 0 else theta * length
-    met = length == room and room - SAME <= s <= length  # where something else is due, which comes first
+    met = length == room and room - ONE_INSTANT <= s <= length  # where something else is due, which comes first
     s = np.inf if met else s
     status = _samples(engine, plan, stepper, progress, record, t, length, min(s, length))
     if status != _RUNNING:
@@ -239,7 +239,7 @@ def _travel(f):  # type: ignore[no-untyped-def]
     fired, status = False, _RUNNING
     if target > t and not starts:
         # what is due where the step ends comes before a look at E at the same instant
-        watched_from = rule.when[READY] if has_rule and rule.when[READY] < target - SAME else np.inf
+        watched_from = rule.when[READY] if has_rule and rule.when[READY] < target - ONE_INSTANT else np.inf
         fired, status = _fly(engine, plan, rule, stepper, f.roots, progress, recorded, target, watched_from)
     progress[0].steps += 1
     status = standing(engine, plan) if status == _RUNNING else status

@@ -16,7 +16,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.process import SWITCH
-from icmj.base.roots import SAME, one
+from icmj.base.roots import ONE_INSTANT, one
 from icmj.engine.block import Block, Slot, Stages, block_of
 from icmj.engine.native.adaptive import roots, stepper_of
 from icmj.engine.native.field import drive, flow, forward
@@ -403,7 +403,7 @@ def _travel(f):  # type: ignore[no-untyped-def]
     armed = has_rule and is_watched(rule, t)
     if has_rule and not armed:
         target = min(target, one(rule.when[READY], target))
-    lands = target - t <= plan.timestep * (1 + 1e-9) + SAME
+    lands = target - t <= plan.timestep * (1 + 1e-9) + ONE_INSTANT
     length = target - t if lands else plan.timestep
     fired, starts = False, progress[0].stale == RESTARTED and armed and reached(rule.now)
     progress[0].stale = 0
@@ -416,7 +416,7 @@ def _travel(f):  # type: ignore[no-untyped-def]
         progress[0].end = target if lands else progress[0].grid + (progress[0].steps + 1) * plan.timestep
         step(engine, progress, length)
         fired = _fired(engine, progress, rule, plan.rate, length, armed)
-        if fired and lands and target - SAME <= time[0] < target:  # at the instant at which something else is due
+        if fired and lands and target - ONE_INSTANT <= time[0] < target:  # where something else is due
             undo(engine, progress)
             step(engine, progress, length)
             evaluate(rule)

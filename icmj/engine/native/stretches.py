@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.roots import SAME, evaluate
+from icmj.base.roots import ONE_INSTANT, evaluate
 from icmj.engine.block import Slot, Stages
 from icmj.engine.native.adapted_steps import _fly
 from icmj.engine.native.adaptive import get, pass_at, put
@@ -308,7 +308,7 @@ def _row_here(engine, plan, progress, record, now, track):  # type: ignore[no-un
             track.u[last, i] = now.last[i]
         track.mode[last] = now.mode[BEFORE]
         track.counts[0], track.t[2] = record.count[1], t
-    if progress[0].next_row <= t + SAME:  # this is that row
+    if progress[0].next_row <= t + ONE_INSTANT:  # this is that row
         progress[0].next_row = _row_after(t, plan.record_interval, plan.breaks)
 
 
@@ -354,7 +354,7 @@ def _command(taps, now, track, record):  # type: ignore[no-untyped-def]
 def _rows(engine, plan, progress, record, track):  # type: ignore[no-untyped-def]
     """Rows of fixed steps that are due before the stretch's last sample; whether there was room for all of them."""
     count = _choose(track)
-    while progress[0].next_row < track.at[track.marks[2] - 1] - SAME:
+    while progress[0].next_row < track.at[track.marks[2] - 1] - ONE_INSTANT:
         if record.count[1] + 2 > len(record.rows):
             return False
         t, row = progress[0].next_row, record.rows[record.count[1]]
@@ -432,7 +432,7 @@ def _depart(engine, plan, progress, stepper, record, reader, track):  # type: ig
     if not adaptive:
         progress[0].grid, progress[0].steps = engine.time[0], 0
     _sample(engine, reader, track, engine.time[0])
-    if progress[0].next_row <= engine.time[0] + SAME and progress[0].next_row < track.t[1] - SAME:
+    if progress[0].next_row <= engine.time[0] + ONE_INSTANT and progress[0].next_row < track.t[1] - ONE_INSTANT:
         note_row(engine, record)
         progress[0].next_row = _row_after(engine.time[0], plan.record_interval, plan.breaks)
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.compilation import compiled, contents, entry, inlined, merged
-from icmj.base.roots import DEEPEST, SAME
+from icmj.base.roots import DEEPEST, ONE_INSTANT
 from icmj.linear.native.motion import (
     EVENT,
     FALL,
@@ -119,7 +119,7 @@ def _rows_until(T, acting, run, until, known, series, f):  # type: ignore[no-unt
     terms are ``known``.
     """
     m, counts, cell = len(run.row), run.counts, run.counts[Count.CELL]
-    last = np.floor((until - SAME) / T.interval)
+    last = np.floor((until - ONE_INSTANT) / T.interval)
     if counts[Count.NEXT] > last:
         return
     quiet, begin = T.powers == 0, run.now[Now.ORIGIN] + cell * T.step
@@ -173,7 +173,7 @@ def _piece(T, acting, run, room, work, turning, series, scratch):  # type: ignor
     out, sizes, tails, f = room
     origin, begin, stop = now[Now.ORIGIN], now[Now.BEGIN], now[Now.STOP]
     # what is due at the piece's end comes before a rule that is watched from there on
-    watching = len(T.cuts) > 1 and ready_at < stop - SAME
+    watching = len(T.cuts) > 1 and ready_at < stop - ONE_INSTANT
     h, signals, rows, ahead = T.step, T.M.shape[1] - m, T.A.shape[0], scratch[1, :m]
     n_pos, most_rows = rows - T.cuts[-1] - n_y, int(min(h / T.interval, 1e9)) + 4
     total, outputs, lanes = (stop - origin) / h, m + n_pos + n_y * (T.coarse + 1), len(acting.f)
@@ -191,7 +191,7 @@ def _piece(T, acting, run, room, work, turning, series, scratch):  # type: ignor
             return _ASKS
         whole, final = offset + left >= 1 - slack, offset + left <= 1 + slack
         here = 1.0 if whole else offset + left
-        ready = offset if ready_at <= begin + SAME else max(offset, (ready_at - origin) / h - cell)
+        ready = offset if ready_at <= begin + ONE_INSTANT else max(offset, (ready_at - origin) / h - cell)
         armed = watching and ready < here
         if offset > 0 and counts[Count.ENDED] == cell:
             for j in range(m):
@@ -218,7 +218,7 @@ def _piece(T, acting, run, room, work, turning, series, scratch):  # type: ignor
         if watched or falls:
             kind, theta = first_end(T.A, T.F, T.F2, T.cuts, n_pos, s, watched, falls, offset, ready, work)
             # what comes right after the end of the piece is at its end
-            if kind == NOTHING or theta > (min(here + SAME / h, 1.0) if final else here):
+            if kind == NOTHING or theta > (min(here + ONE_INSTANT / h, 1.0) if final else here):
                 kind, theta = NOTHING, here
             theta = min(theta, here)
         terms = 0
@@ -234,11 +234,11 @@ def _piece(T, acting, run, room, work, turning, series, scratch):  # type: ignor
                 if not abs(ahead[j]) <= _DIVERGED:
                     kind = _GONE
         until = min(max(origin + (cell + theta) * h, begin), stop)
-        if kind == EVENT and theta == ready and abs(until - ready_at) <= SAME:
+        if kind == EVENT and theta == ready and abs(until - ready_at) <= ONE_INSTANT:
             until = ready_at
-        elif kind == EVENT and theta == ready and until - begin <= SAME:
+        elif kind == EVENT and theta == ready and until - begin <= ONE_INSTANT:
             until = begin
-        if stop - until <= SAME and (final or kind != NOTHING):
+        if stop - until <= ONE_INSTANT and (final or kind != NOTHING):
             until = stop
         _rows_until(T, acting, run, until, terms, series, f)
         if turns:  # what an output is at either end is looked at anyway
@@ -334,7 +334,7 @@ def _note(f, event, acted):  # type: ignore[no-untyped-def]
     if T.interval < np.inf and (event or acted or has_passed(T.edges, run.due[EDGE], t)):
         if t > now[Now.ROW]:
             copy(z, run.rows_z[_new_row(run, t)])
-        if abs(counts[Count.NEXT] * T.interval - t) <= SAME:
+        if abs(counts[Count.NEXT] * T.interval - t) <= ONE_INSTANT:
             counts[Count.NEXT] += 1
             counts[Count.AGE] = FRESH  # the row of the grid was not taken, so none goes on from it
     if not event:

@@ -18,7 +18,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.compilation import compiled, contents, entry, exact, merged
-from icmj.base.roots import SAME, evaluate, first_root, largest
+from icmj.base.roots import ONE_INSTANT, evaluate, first_root, largest
 from icmj.simulation.native.loop import (
     ARRIVED,
     EDGE,
@@ -256,10 +256,10 @@ def _extremes(body, now, track, length):  # type: ignore[no-untyped-def]
 def _pass_rows(body, track, t):  # type: ignore[no-untyped-def]
     """A row at ``t`` is the last; rows that were due there are."""
     track.t[1] = t
-    if track.counts[0] * body.interval <= t + SAME:
+    if track.counts[0] * body.interval <= t + ONE_INSTANT:
         track.counts[0] += 1
-    if track.t[2] <= t + SAME:
-        track.t[2] = body.breaks[np.searchsorted(body.breaks, t + SAME, side="right")]
+    if track.t[2] <= t + ONE_INSTANT:
+        track.t[2] = body.breaks[np.searchsorted(body.breaks, t + ONE_INSTANT, side="right")]
 
 
 @compiled
@@ -330,13 +330,13 @@ def _travel(f):  # type: ignore[no-untyped-def]
     length = (end - t) / taps.unit
     fallen = _fallen(body, now, track, length)
     # a fall where something is due comes after it
-    now.met[FALLS] = fallen <= length and t + fallen * taps.unit >= end - SAME and (end > t or guard >= 0)
+    now.met[FALLS] = fallen <= length and t + fallen * taps.unit >= end - ONE_INSTANT and (end > t or guard >= 0)
     falls = fallen <= length and now.met[FALLS] == 0
     if falls:
         length, guard = fallen, -1
         end = t + length * taps.unit
     _extremes(body, now, track, length)
-    while min(counts[0] * body.interval, track.t[2]) < end - SAME:
+    while min(counts[0] * body.interval, track.t[2]) < end - ONE_INSTANT:
         at = min(counts[0] * body.interval, track.t[2])
         _row(body, now, track, at, (at - t) / taps.unit)
     if len(taps.tau) > 0:

@@ -16,8 +16,8 @@ that the one before has left:
    least interval is over;
 6. the ends: the plant has fallen, there were as many events as were asked for, or the run is over.
 
-Instants are compared in seconds, never as fractions of a step, which are rounded; those within :data:`SAME` of each
-other are one, because sums of intervals are rounded, too. What is reached less than :data:`SAME` before an instant at
+Instants are compared in seconds, never as fractions of a step, which are rounded; those within :data:`ONE_INSTANT` of
+each other are one, because sums of intervals are rounded, too. What is reached less than that before an instant at
 which something is due is reached there, after it. A rule that is watched from an instant on is judged at that instant.
 Every number that decides is a function of state and time alone, so neither the rows asked for nor the size of a buffer
 changes a bit of the motion, but where a step of adapted length would not find room for its rows.
@@ -61,7 +61,7 @@ from pathlib import Path
 import numpy as np
 
 from icmj.base.compilation import contents, inlined, merged
-from icmj.base.roots import SAME, one
+from icmj.base.roots import ONE_INSTANT, one
 
 
 class Status(IntEnum):
@@ -112,13 +112,13 @@ def run_loop(flow, travel, change, act, tick, cross, note, fire, end):  # type: 
 @inlined
 def is_due(instant, t):  # type: ignore[no-untyped-def]
     """Whether the instant is ``t``, or over."""
-    return instant <= t + SAME
+    return instant <= t + ONE_INSTANT
 
 
 @inlined
 def has_passed(edges, due, t):  # type: ignore[no-untyped-def]
     """Whether the last edge before the one that is due next is at ``t``."""
-    return due > 0 and edges[due - 1] >= t - SAME
+    return due > 0 and edges[due - 1] >= t - ONE_INSTANT
 
 
 @inlined
@@ -150,13 +150,13 @@ def next_instant(plan, now, edge, end):  # type: ignore[no-untyped-def]
 @inlined
 def is_watched(now, t):  # type: ignore[no-untyped-def]
     """Whether the event rule is watched at ``t``."""
-    return now.when[READY] <= t + SAME
+    return now.when[READY] <= t + ONE_INSTANT
 
 
 @inlined
 def take_action(now, t):  # type: ignore[no-untyped-def]
     """Take the oldest action from the queue if it is due at ``t``; whether it is."""
-    due = next_action(now) <= t + SAME
+    due = next_action(now) <= t + ONE_INSTANT
     if due:
         now.due[ACTED] += 1
     return due
@@ -177,7 +177,7 @@ def plan_after(plan, now, t):  # type: ignore[no-untyped-def]
     if plan.delay > 0:
         now.queue[now.due[PLANNED] % len(now.queue)] = t + plan.delay
         now.due[PLANNED] += 1
-    if now.due[TICK] * plan.clock <= t + SAME:
+    if now.due[TICK] * plan.clock <= t + ONE_INSTANT:
         now.due[TICK] += 1
     now.when[READY], now.when[SAMPLE], now.when[LAST] = t + plan.wait, np.inf, t
 

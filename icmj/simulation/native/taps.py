@@ -12,8 +12,8 @@ is of level L + 1, one delay later: the readings go into the command, and the pl
 
 What is due at an instant happens in the order of :mod:`icmj.simulation.native.loop`. Guards beyond zero and faces of
 the rule beyond 1 are found where the next stretch begins (:func:`turn`), the earlier root first; a face that is reached
-is what the rule calls an event. What is reached within :data:`SAME` of an instant at which something is due is reached
-there, and waits for that (:func:`cut`).
+is what the rule calls an event. What is reached within :data:`ONE_INSTANT` of an instant at which something is due is
+reached there, and waits for that (:func:`cut`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from math import comb
 import numpy as np
 
 from icmj.base.compilation import compiled, merged
-from icmj.base.roots import SAME, evaluate, first_root
+from icmj.base.roots import ONE_INSTANT, evaluate, first_root
 from icmj.simulation.native.loop import (
     ACTED,
     EDGE,
@@ -84,7 +84,7 @@ def reached(taps, history, t, level):  # type: ignore[no-untyped-def]
         k = history.ahead[i]
         while k < history.count[0]:
             rough = history.level[k] < taps.rough
-            if rough and history.start[k] + taps.tau[i] > t + SAME:
+            if rough and history.start[k] + taps.tau[i] > t + ONE_INSTANT:
                 next_rough = min(next_rough, history.start[k] + taps.tau[i])
                 break
             if rough:
@@ -126,10 +126,10 @@ def _read(taps, history, now, t, end):  # type: ignore[no-untyped-def]
         tau, k = taps.tau[i], history.at[i]
         rows = now.v[direct + i * n_y : direct + (i + 1) * n_y]
         middle = (t + end) / 2 - tau
-        while k < last and history.start[k + 1] <= (middle if taps.exact else t - tau + SAME):
+        while k < last and history.start[k + 1] <= (middle if taps.exact else t - tau + ONE_INSTANT):
             k += 1
         history.at[i] = k
-        if taps.exact or k == last or history.start[k + 1] >= end - tau - SAME:
+        if taps.exact or k == last or history.start[k + 1] >= end - tau - ONE_INSTANT:
             # a Taylor series holds beyond its stretch, too, where nothing jumps
             for row in range(n_y):
                 for j in range(now.v.shape[1]):
@@ -231,14 +231,15 @@ def _turn_of_face(taps, now, face, length):  # type: ignore[no-untyped-def]
 def turn(taps, now, length, armed):  # type: ignore[no-untyped-def]
     """Where on [0, length] the sign of a guard changes first or a face is reached, and of which; infinity and −1.
 
-    What is reached less than :data:`SAME` later is found, too. Faces are numbered behind the guards, and looked at if
-    the rule is ``armed``. A sign has changed where the guard is beyond zero by more than rounding, and by more than it
-    is so already at the begin, where polynomials of two stretches meet: so none changes back because they do not quite.
+    What is reached less than :data:`ONE_INSTANT` later is found, too. Faces are numbered behind the guards, and looked
+    at if the rule is ``armed``. A sign has changed where the guard is beyond zero by more than rounding, and by more
+    than it is so already at the begin, where polynomials of two stretches meet: so none changes back because they do
+    not quite.
     Where the largest that the guard can become on the stretch is below zero, no more is asked.
     """
     first, which, n_v, p = np.inf, -1, now.v.shape[0], now.v.shape[1] - 1
     n, g, reach = len(now.reach), now.g, now.reach
-    length += SAME / taps.unit
+    length += ONE_INSTANT / taps.unit
     if len(taps.c) > 0:
         for i in range(n):
             if taps.used[i]:
@@ -313,10 +314,10 @@ def cut(taps, now, t, end):  # type: ignore[no-untyped-def]
     if guard < 0:
         return end, -1
     at = t + theta * taps.unit
-    if end > t and at >= end - SAME:
+    if end > t and at >= end - ONE_INSTANT:
         now.met[MEETS] = guard
         return end, -1
-    return (t if at - t <= SAME else min(at, end)), guard
+    return (t if at - t <= ONE_INSTANT else min(at, end)), guard
 
 
 @compiled
@@ -506,7 +507,7 @@ def cross(f, moved):  # type: ignore[no-untyped-def]
     if guard < 0:
         return False
     for other in range(guards):
-        if other == guard or now.roots[other] - now.roots[guard] <= SAME / taps.unit:
+        if other == guard or now.roots[other] - now.roots[guard] <= ONE_INSTANT / taps.unit:
             now.sign[other] = 1 - now.sign[other]
     if not choose(taps, now):
         return False
