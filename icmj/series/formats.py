@@ -169,6 +169,8 @@ _UNITS = (
     (r"/activation", ""),
 )
 _ANGLES = {"yes": "deg", "no": "rad"}
+# coordinates of OpenSim's models that are angles say so; a slider may have any name
+_ANGLE = re.compile(r"angle|tilt|list|rot|flex|exten|add|abd|bend|pro_sup|_dev|_r[xyz]$", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -192,7 +194,7 @@ class Header:
         value = re.sub(r"/speed$", "", value)
         known = next((unit for end, unit in _UNITS if re.search(f"{end}$", value)), None)
         if known is None:
-            known = self.angle if self.coordinates or value != name else ""
+            known = self.angle if (self.coordinates or value != name) and _ANGLE.search(value) else ""
         return f"{known}/s" if speed and known else known
 
 
@@ -234,7 +236,7 @@ LONGEST_READ = 120.0  # s on the clock
 # bytes of addresses: at most, for the libraries, and for each byte of a file, of which ezc3d takes 14 for floats
 MEMORY, LIBRARIES, PER_BYTE = 1_400_000_000, 400_000_000, 30
 _MOST = 65535  # frames that a header can count
-GROUPS = ("centres of pressure", "forces", "points", "analog channels")
+GROUPS = ("centres of pressure", "forces", "points", "analog channels", "centres of single plates")
 # each more takes 40 MB of the addresses that the reader may use, on a machine of sixty processors all of them
 _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _READER = Path(__file__).parent / "c3d_reader.py"
@@ -250,6 +252,7 @@ class Group:
         rate: rows per second [Hz].
         start: of the first row [s].
         values: shape (N, w).
+        fault: why there are none of these though there should be; "" if there are.
     """
 
     kind: str
@@ -258,6 +261,7 @@ class Group:
     rate: float
     start: float
     values: Array
+    fault: str = ""
 
 
 def groups_of(path: Path, longest: float = LONGEST_READ) -> tuple[Group, ...]:
@@ -284,7 +288,9 @@ def groups_of(path: Path, longest: float = LONGEST_READ) -> tuple[Group, ...]:
             raise DataError(f"not a C3D file that can be read ({why})")
         with np.load(found, allow_pickle=False) as data:
             _refuse_part(int(data["frames"][0]), _frames(path, data["ends"].tolist()))
-            return tuple(
+            fault = one_line(data["fault"].item(), 120)
+            lost = (Group(GROUPS[0], (), (), 0.0, 0.0, np.empty((0, 0)), fault),) if fault else ()
+            return lost + tuple(
                 Group(
                     kind,
                     tuple(data[f"{i} names"].tolist()),
@@ -333,6 +339,9 @@ def group_for(groups: Sequence[Group], columns: Sequence[str]) -> Group:
     """
     if not groups:
         raise DataError("no signals in it")
+    if not columns and (fault := groups[0].fault):
+        some = ", ".join([name for group in groups for name in group.names][:3])
+        raise DataError(f"its force plates cannot be read ({fault}); name what to read instead, such as {some}")
     if not columns:
         return groups[0]
     known = [name for group in groups for name in group.names]

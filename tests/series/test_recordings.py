@@ -33,6 +33,12 @@ def test_coordinates_of_opensim_have_their_units(tmp_path, degrees, angle):
     assert read_series(tmp_path / "ik.mot", columns=["ankle_angle_r"]).units == (angle,)
 
 
+def test_a_slider_by_any_name_is_not_in_degrees(tmp_path):
+    columns = {"box_transX": T, "tx": T, "knee_angle_r_beta": T, "pelvis_tilt": T, "gear": T}
+    (tmp_path / "ik.mot").write_text(table("Coordinates", columns, "yes"))
+    assert read_series(tmp_path / "ik.mot").units == ("", "", "deg", "deg", "")
+
+
 def test_ground_reactions_and_moments_of_opensim_have_their_units(tmp_path):
     names = "ground_force_vx 1_ground_force_px ground_torque_y hip_r_moment pelvis_tx_force soleus".split()  # noqa: SIM905
     (tmp_path / "forces.sto").write_text(table("forces", dict.fromkeys(names, np.ones(len(T)))))
@@ -87,36 +93,113 @@ def test_what_was_recorded_before_0_is_measured(tmp_path, shell, kind):
     assert found["coordinates"][0]["mean"] == pytest.approx(1.0, abs=1e-3)
 
 
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory):
-    """Two points at 100 Hz, and one force plate at 1000 Hz whose x is the laboratory's and whose z points down."""
+def write_plates(path, loads=(700.0,), *, point="mm", moment="Nmm", size=1.0, kind=2):
+    """Two points at 100 Hz, and force plates at 1000 Hz whose x is the laboratory's and whose z points down.
+
+    Args:
+        loads: mean load of each plate [N], the next one 700 mm further on; what stands on one with 0 N weighs nothing.
+        point, moment: units; "" for none.
+        size: of one N mm in the unit of moments.
+        kind: type of the last plate.
+
+    Returns:
+        Points, channels, and centres of pressure in the plates, shape (plates, 2, 4000) [mm].
+    """
     ezc3d = pytest.importorskip("ezc3d")
-    file, rng, N = ezc3d.c3d(), np.random.default_rng(0), 400
+    file, rng, N, M = ezc3d.c3d(), np.random.default_rng(0), 400, len(loads)
     points = np.ones((4, 2, N))
     points[:3] = rng.normal(size=(3, 2, N))
     parameters = file["parameters"]
     parameters["POINT"]["RATE"]["value"] = [100]
     parameters["POINT"]["LABELS"]["value"] = ("C7", "LASI")
-    parameters["POINT"]["UNITS"]["value"] = ["mm"]
+    if point:
+        parameters["POINT"]["UNITS"]["value"] = [point]
     parameters["ANALOG"]["RATE"]["value"] = [1000]
-    parameters["ANALOG"]["LABELS"]["value"] = ("Fx1", "Fy1", "Fz1", "Mx1", "My1", "Mz1")
-    parameters["ANALOG"]["UNITS"]["value"] = ("N", "N", "N", "Nmm", "Nmm", "Nmm")
-    centre = rng.normal(size=(2, 10 * N)) * [[5.0], [3.0]]  # mm, in the plate
-    weight = 700 + rng.normal(size=10 * N)
-    none = np.zeros(10 * N)
-    forces = np.array([none, none, weight, centre[1] * weight, -centre[0] * weight, none])
-    file.add_parameter("FORCE_PLATFORM", "USED", 1)
-    for name, numbers, shape in (("TYPE", [2], [1]), ("ZERO", [1, 0], [2]), ("CHANNEL", range(1, 7), [6, 1])):
+    names = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+    parameters["ANALOG"]["LABELS"]["value"] = tuple(f"{name}{i + 1}" for i in range(M) for name in names)
+    parameters["ANALOG"]["UNITS"]["value"] = ("N", "N", "N", moment, moment, moment) * M
+    centres = rng.normal(size=(M, 2, 10 * N)) * [[5.0], [3.0]]  # mm, in the plate
+    none, forces = np.zeros(10 * N), []
+    for load, centre in zip(loads, centres, strict=True):
+        weight = load + (rng.normal(size=10 * N) if np.ndim(load) == 0 and load else none)
+        forces += [none, none, weight, size * centre[1] * weight, -size * centre[0] * weight, none]
+    file.add_parameter("FORCE_PLATFORM", "USED", M)
+    for name, numbers, shape in (
+        ("TYPE", [*[2] * (M - 1), kind], [M]), ("ZERO", [1, 0], [2]), ("CHANNEL", range(1, 6 * M + 1), [6, M]),
+    ):  # fmt: skip
         whole = ezc3d.ezc3d.Parameter(name, "")  # add_parameter makes lists of floats
-        whole.set(ezc3d.ezc3d.VecInt(numbers), shape)
+        whole.set(ezc3d.ezc3d.VecInt(list(numbers)), shape)
         file["parameters"].add_parameter("FORCE_PLATFORM", whole)
     corners = np.array([[300, -200, 0], [-300, -200, 0], [-300, 200, 0], [300, 200, 0]], float)
-    file.add_parameter("FORCE_PLATFORM", "CORNERS", corners.T[:, :, None])
-    file.add_parameter("FORCE_PLATFORM", "ORIGIN", np.zeros((3, 1)))
-    file["data"]["points"], file["data"]["analogs"] = points, forces[None]
-    path = tmp_path_factory.mktemp("c3d") / "standing.c3d"
+    file.add_parameter(
+        "FORCE_PLATFORM", "CORNERS", np.stack([np.add(corners.T, [[700 * i], [0], [0]]) for i in range(M)], -1)
+    )
+    file.add_parameter("FORCE_PLATFORM", "ORIGIN", np.zeros((3, M)))
+    file["data"]["points"], file["data"]["analogs"] = points, np.array(forces)[None]
     file.write(str(path))
+    return points, np.array(forces), centres
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("c3d") / "standing.c3d"
+    points, forces, (centre,) = write_plates(path)
     return path, points, forces, centre
+
+
+@pytest.mark.parametrize(("point", "moment", "size"), [("mm", "Nm", 1e-3), ("mm", "N.m", 1e-3), ("m", "Nmm", 1.0)])
+def test_moments_in_another_unit_than_the_points_give_the_same_centre_of_pressure(tmp_path, point, moment, size):
+    """The library takes moments for those in the unit of force times the points' unit, whatever the file says."""
+    _, forces, (centre,) = write_plates(tmp_path / "a.c3d", point=point, moment=moment, size=size)
+    series, scale = read_series(tmp_path / "a.c3d"), {"mm": 1.0, "m": 1e-3}[point]
+    assert series.units == (point, point)
+    # corners are in the points' unit, too: the middle of this plate is at 0 in any
+    np.testing.assert_allclose(series.values, scale * (centre * [[1], [-1]]).T, atol=1e-3 * scale)
+    np.testing.assert_allclose(read_series(tmp_path / "a.c3d", columns=["My1"])["My1"], forces[4], rtol=1e-6)
+
+
+def test_points_without_a_unit_have_none(tmp_path, shell):
+    write_plates(tmp_path / "a.c3d", point="")
+    assert read_series(tmp_path / "a.c3d").units == ("", "")
+    assert read_series(tmp_path / "a.c3d", columns=["C7.x"]).units == ("",)
+    told = shell.answers(["measure", str(tmp_path / "a.c3d"), "--unit", "mm", "--json"])
+    assert told["coordinates"][0]["unit"] == "mm"
+
+
+def test_two_feet_on_two_plates_have_one_centre_of_pressure_and_a_plate_without_load_has_none(tmp_path):
+    loads = (400.0, 300.0, 0.0)
+    _, forces, centres = write_plates(tmp_path / "a.c3d", loads)
+    series = read_series(tmp_path / "a.c3d")
+    assert series.names == ("cop.x", "cop.y")
+    weights = forces[2::6]
+    # the ground's forces on both plates have no moment about it
+    middle = np.array([[700.0 * i, 0.0] for i in range(3)])[:, :, None] + centres * [[1], [-1]]
+    expected = (weights[:, None] * middle).sum(axis=0) / weights.sum(axis=0)
+    np.testing.assert_allclose(series.values, expected.T, atol=0.1)
+    each = read_series(tmp_path / "a.c3d", columns=["plate2.cop.x", "plate3.cop.x"])
+    np.testing.assert_allclose(each["plate2.cop.x"], middle[1, 0], atol=0.1)
+    assert np.isnan(each["plate3.cop.x"]).all()
+
+
+def test_before_somebody_steps_on_a_plate_there_is_no_centre_of_pressure(tmp_path, shell):
+    load = np.where(np.arange(4000) < 2000, 5.0, 700.0)  # N: what an empty plate drifts to, and a person
+    write_plates(tmp_path / "a.c3d", (load,))
+    series = read_series(tmp_path / "a.c3d")
+    assert np.isnan(series.values[:2000]).all()
+    assert np.isfinite(series.values[2000:]).all()
+    assert "missing" in shell.refuses(["measure", str(tmp_path / "a.c3d")])
+    told = shell.answers(["measure", str(tmp_path / "a.c3d"), "--since", "2", "--json"])
+    assert told["coordinates"][0]["rms"] == pytest.approx(5.0, rel=0.05)
+
+
+def test_plates_that_cannot_be_read_are_told_and_no_marker_is_measured_in_their_place(tmp_path, shell):
+    write_plates(tmp_path / "a.c3d", (400.0, 300.0), kind=6)
+    with pytest.raises(
+        DataError, match=r"its force plates cannot be read .*; name what to read instead, such as C7\.x"
+    ):
+        read_series(tmp_path / "a.c3d")
+    assert read_series(tmp_path / "a.c3d", columns=["C7.x"]).names == ("C7.x",)
+    assert "its force plates cannot be read" in shell.refuses(["measure", str(tmp_path / "a.c3d")])
 
 
 def test_points_and_analog_channels_of_c3d_are_read_with_rates_and_units(recording):
