@@ -230,6 +230,8 @@ class MeasureCommand(Command):
     """Column of the ankle torque, from which the centre of pressure is computed."""
     weight: float | None = None
     """Vertical force on the foot [N], for --torque."""
+    unit: str | None = None
+    """Unit of the columns that do not state one, such as mm, or "N mm" for --torque."""
     json: bool = False
     """Print JSON, in the units of the file, instead of a table."""
 

@@ -347,7 +347,12 @@ def _measure(path: Path, command: arguments.MeasureCommand) -> tuple[Sway, tuple
     with Working(f"measuring {path.name}", ERR):
         series, notes = _signals(path, command)
         series = series if command.since is None else series.since(command.since)
+        # a log is in SI units; of an actuator's own they are not known, and its torque is in N m
+        unit = command.unit or ("N m" if command.torque is not None and path.suffix == ".rrd" else "")
+        series = replace(series, units=tuple(own or unit for own in series.units))
         if command.torque is not None and command.weight is not None:
+            if not series.units[series.place(command.torque)]:
+                raise DataError(f"{path}: {command.torque} has no unit; say it with --unit, such as 'N m' or 'N mm'")
             series = from_torque(series, command.torque, command.weight)
         if len(series.names) > MOST and not command.json:
             some = ", ".join(series.names[:4])

@@ -29,6 +29,7 @@ from icmj.errors import AnalysisError, DataError
 from icmj.measurement.statistics import FEWEST, Modality, cut_windows, modality
 from icmj.measurement.sway import MEASURES, sway_numbers
 from icmj.series.series import Series, even_series
+from icmj.series.units import in_si
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,9 +219,6 @@ def quiet_standing(recordings: Sequence[Recording], *, low_pass: float | None = 
 
 WINDOW = 5.12  # s: 512 samples at 100 Hz
 PADDED = 2  # lengths of a window that its transform has, filled with zeros
-ANGLES = {"rad": 1.0, "deg": np.pi / 180, "°": np.pi / 180}
-LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-FORCES = {"N": 1.0, "kN": 1e3}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -307,7 +305,7 @@ def intersection_point(
             window, or the signals are constant.
     """
     pair = even_series(series.chosen([angle, cop]))
-    theta, p = pair.values.T * [[_factor(pair, 0, ANGLES)], [_factor(pair, 1, LENGTHS)]]
+    theta, p = in_si(pair, "angle", "length").values.T
     step = float(pair.t[-1] - pair.t[0]) / (len(pair) - 1)
     length = round(window / step)
     if not (np.isfinite(window) and length >= 16):
@@ -358,7 +356,7 @@ def force_angle(series: Series, horizontal: str, vertical: str) -> Series:
         DataError: if there is no such signal, units are not those of forces, or the vertical force is not positive.
     """
     pair = series.chosen([horizontal, vertical])
-    x, z = pair.values.T * [[_factor(pair, 0, FORCES)], [_factor(pair, 1, FORCES)]]
+    x, z = in_si(pair, "force", "force").values.T
     if not (z[np.isfinite(z)] > 0).all():
         raise DataError(f"{vertical}: is not positive throughout; expected the ground's upward force on the body")
     return Series(
@@ -393,12 +391,3 @@ def _locate(frequency: Array, S: Array, windows: int, height: float | None) -> I
     with np.errstate(divide="ignore", invalid="ignore"):
         z, share = vectors[:, 1, 1] / vectors[:, 0, 1], values[:, 1] / values.sum(axis=1)
     return IntersectionPoint(frequency, z, share, windows, height)
-
-
-def _factor(series: Series, place: int, known: dict[str, float]) -> float:
-    unit = series.units[place]
-    if unit not in known:
-        said = f"is in {unit!r}" if unit else "has no unit"
-        name = series.names[place]
-        raise DataError(f"{name}: {said}; expected one of {', '.join(known)}, as in '{name} [{next(iter(known))}]'")
-    return known[unit]

@@ -32,6 +32,7 @@ from icmj.fitting.family import DURATION, RATE
 from icmj.measurement import sway
 from icmj.series.reading import read_series
 from icmj.series.series import EVEN, Series, even_series
+from icmj.series.units import factor_of
 
 _SIX = {
     "rms": "rms", "speed": "speed", "slope": "frequency.slope", "H short": "short.H", "H long": "long.H",
@@ -128,7 +129,6 @@ def _field(x: Array, rate: float) -> Array:
     return np.concatenate([np.log(np.maximum(sizes, _FLOOR)), *shares, np.log(np.maximum(lines, _FLOOR**2))])
 
 
-METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 NAMES = ("ap", "cop_ap", "copap", "cop.ap", "copx", "cop_x", "cop")
 """Names of a front-to-back centre of pressure, in small letters, that are looked for where no column is named."""
 INFO = "BDSinfo.txt"
@@ -193,15 +193,12 @@ def trials_of(series: Series, column: str, *, unit: str | None = None) -> tuple[
     if given and unit and given != unit:
         raise FitError(f"{name}: is in {given} by its header, and in {unit} as asked for; leave one out")
     known = given or unit
-    if known not in METRES:
-        raise FitError(
-            f"{name}: unit {known!r}; expected m, cm or mm, as in '{name} [cm]'" if known else _no_unit(name)
-        )
-    try:
+    if not known:
+        raise FitError(_no_unit(name))
+    with _of(name):
+        metre = factor_of(known, "length", name)
         even = even_series(series.chosen([name]))
-    except DataError as error:
-        raise FitError(f"{name}: {error}") from error
-    t, x = even.t, even.values[:, 0] * METRES[known]
+    t, x = even.t, even.values[:, 0] * metre
     own = (len(t) - 1) / float(t[-1] - t[0])
     _refuse_short(name, len(t) / own, LEAST * (1 - EVEN))  # a rate is known as well as its times are
     if own < _SLOWEST * (1 - EVEN):

@@ -22,6 +22,7 @@ from icmj.base.numbers import Card, WithCard, amount
 from icmj.errors import DataError
 from icmj.measurement.statistics import Spectrum, level_still, spectrum
 from icmj.series.series import Series, even_series
+from icmj.series.units import in_si
 
 LEVEL = 0.95
 
@@ -444,16 +445,17 @@ def from_torque(series: Series, torque: str, weight: float) -> Series:
     both small in quiet standing, is left out.
 
     Args:
-        series: holds the torque on the body [N m], positive where it leans the body forwards.
+        series: holds the torque on the body, positive where it leans the body forwards, in N m, N cm or N mm.
         torque: which signal that is.
         weight: vertical force on the foot [N].
 
     Raises:
-        DataError: if there is no such signal, or the weight is not positive.
+        DataError: if there is no such signal, it has no unit or one that is no torque's, or the weight is not positive.
     """
     if not (np.isfinite(weight) and weight > 0):
         raise DataError(f"a weight must be positive and finite, got {weight:g} N")
-    return replace(series, values=-series[torque][:, None] / weight, names=("cop",), units=("m",))
+    moment = in_si(series.chosen([torque]), "torque")
+    return replace(moment, values=-moment.values / weight, names=("cop",), units=("m",))
 
 
 def frequencies(frequency: Array, power: Array, band: tuple[float, float] = (0.0, np.inf)) -> Frequencies:

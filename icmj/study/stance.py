@@ -35,6 +35,7 @@ from icmj.runfile.experiment_tables import IntersectionPointTable, MultisineTabl
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import TomlTable
 from icmj.series.series import Series, even_series
+from icmj.series.units import in_si
 from icmj.simulation.disturbance import LOW_PASS_END, ternary_lines
 from icmj.simulation.settings import Gaussian, Noise, Sinusoids, Source
 from icmj.simulation.simulation import Simulation
@@ -212,7 +213,14 @@ class MultisineKind(Kind):
 def analyse_trials(
     trials: Sequence[Series], stimulus: str, response: str, how: Mapping[str, Any]
 ) -> tuple[Multisine, tuple[Multisine, ...]]:
-    """The result of all trials together, and that of each; none of each where there is one trial."""
+    """The result of all trials together, and that of each; none of each where there is one trial.
+
+    Raises:
+        DataError: if trials are in different units, or :func:`icmj.experiments.multisine` refuses them.
+    """
+    if len(units := list(dict.fromkeys(one.units for one in trials))) > 1:
+        first, other = (" and ".join(unit or "no unit" for unit in each) for each in units[:2])
+        raise DataError(f"trials in different units ({first}; {other}), which have no mean; convert one")
     each = [multisine(one, stimulus, response, **how) for one in trials] if len(trials) > 1 else []
     return multisine(trials, stimulus, response, **how), tuple(each)
 
@@ -298,7 +306,8 @@ class PerturbedStanceKind(Kind):
         return replace(one, values=values, names=(TILT, BODY), units=("rad", "rad"), facts={"response": f"y.{name}"})
 
     def read(self, series: Series) -> Series:
-        pair = series.chosen([self.settings.stimulus, self.settings.response])
+        # channels are fitted to a body's angle under a tilt: volts or millimetres would have no stiffness in N m/rad
+        pair = in_si(series.chosen([self.settings.stimulus, self.settings.response]), "angle", "angle")
         return replace(pair, names=(TILT, BODY))
 
     def analyse(

@@ -1,6 +1,7 @@
 """Independent channels on a surface that tilts: their fit, and the experiment from file to figure."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +78,16 @@ def test_the_experiment_finds_the_channels_that_were_simulated(tmp_path):
     # the transfer function of the body that was simulated, not of the fit
     exact = replace(BODY, P=470.88, D=270.0, delay=0.2, weight=0.6).response(found.measured.line)
     np.testing.assert_allclose(found.measured.response, exact, rtol=1e-5)
+    # the same trial as a recording: in degrees it has the same channels, and in volts none
+    path = tmp_path / "out" / "trials" / "delayed.linear.0000.parquet"
+    trial = icmj.read_series(path)
+    analyse, degrees = partial(icmj.analyse_recordings, tmp_path / "tilt.toml"), np.degrees(trial.values)
+    icmj.write_series(replace(trial, values=degrees, units=("deg", "deg")), tmp_path / "deg.csv")
+    again = analyse([tmp_path / "deg.csv"], tmp_path / "again").found[0].finding.channels
+    assert (again.P, again.D, again.delay, again.weight) == pytest.approx((470.88, 270.0, 0.2, 0.6), rel=1e-3)
+    icmj.write_series(replace(trial, units=("rad", "V")), tmp_path / "volt.csv")
+    with pytest.raises(IcmjError, match="body: is in 'V'; expected one of rad, deg"):
+        analyse([tmp_path / "volt.csv"], tmp_path / "volts")
 
 
 def test_events_alone_make_a_remnant_and_continuous_feedback_makes_none(tmp_path):

@@ -60,7 +60,7 @@ def test_a_recording_is_read_in_metres_whatever_its_unit_and_rate(tmp_path, root
         "cm called m": (lambda t, x: (t, x / 10, "m"), r"RMS of 0.4 m in m; .* probably wrong"),
         "m called mm": (lambda t, x: (t, x / 1000, "mm"), r"RMS of 0.004 mm in mm"),
         "no sway": (lambda t, x: (t, 0 * x, "mm"), "no sway at all"),
-        "rad": (lambda t, x: (t, x, "rad"), "unit 'rad'; expected m, cm or mm"),
+        "rad": (lambda t, x: (t, x, "rad"), "is in 'rad'; expected one of m, cm, mm"),
         "no unit": (lambda t, x: (t, x, ""), r"no unit; give one in the header, as 'ap \[cm\]'"),
         "slow": (lambda t, x: (t[::5], x[::5], "mm"), "20 rows a second; expected at least 40"),
     }.values(),

@@ -1,0 +1,62 @@
+"""Units of recorded quantities: what a column's unit means in SI, or one line that asks for it.
+
+A number is read as a physical quantity only where its unit is known. A torque that is taken in N m though it is in
+N mm gives a sway of metres, and nothing later can tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from icmj.base.text import one_line
+from icmj.errors import DataError
+from icmj.series.series import Series
+
+_TURN = np.pi / 180
+_PREFIXES = {"": 1.0, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6}
+QUANTITIES: Mapping[str, Mapping[str, float]] = {
+    "angle": {"rad": 1.0, "mrad": 1e-3, "deg": _TURN, "°": _TURN, "degrees": _TURN, "degree": _TURN},
+    "length": {f"{p}m": size for p, size in _PREFIXES.items() if p != "k"},
+    "force": {f"{p}N": size for p, size in _PREFIXES.items() if p != "c"},
+    "torque": {f"{p}N{q}m": a * b for p, a in _PREFIXES.items() for q, b in _PREFIXES.items() if q in ("", "c", "m")},
+}
+"""Units of each quantity, without blanks and signs of multiplication, in rad, m, N or N m."""
+_SHOWN = {"angle": ("rad", "deg"), "length": ("m", "cm", "mm"), "force": ("N", "kN"), "torque": ("N m", "N cm", "N mm")}
+_PRODUCT = str.maketrans("", "", " ·⋅*.×")
+
+
+def factor_of(unit: str, quantity: str, name: str) -> float:
+    """What one ``unit`` of a quantity is in SI; ``N·mm``, ``N mm`` and ``Nmm`` are one unit.
+
+    Args:
+        unit: as a file states it; "" where it states none.
+        quantity: a key of :data:`QUANTITIES`.
+        name: of the signal, for the message.
+
+    Raises:
+        DataError: if there is no unit, or it is not one of this quantity.
+
+    Example:
+        >>> factor_of("N·mm", "torque", "ankle")
+        0.001
+    """
+    known = QUANTITIES[quantity].get(unit.translate(_PRODUCT))
+    if known is None:
+        said = f"is in {one_line(unit, 40)!r}" if unit else "has no unit"
+        shown = _SHOWN[quantity]
+        raise DataError(f"{name}: {said}; expected one of {', '.join(shown)}, as in '{name} [{shown[0]}]'")
+    return known
+
+
+def in_si(series: Series, *quantities: str) -> Series:
+    """Signals in rad, m, N or N m, one quantity for each.
+
+    Raises:
+        DataError: if a signal has no unit, or one of another quantity.
+    """
+    given = list(zip(series.units, quantities, series.names, strict=True))
+    values = series.values * [factor_of(*one) for one in given]
+    return replace(series, values=values, units=tuple(_SHOWN[quantity][0] for _, quantity, _ in given))
