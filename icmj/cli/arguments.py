@@ -240,7 +240,8 @@ class MeasureCommand(Command):
 class FitCommand(Command):
     """Fit families of controllers to recordings of standing people (exploratory): parameters, reliability, comparison.
 
-    Needs pip install 'icmj[fit]'. Each family is simulated, and its network trained, only once for all people.
+    Needs pip install -e '.[fit]' in a checkout. Each family is simulated, and its network trained, only once for all
+    people.
 
     Example: icmj fit anna-1.csv anna-2.csv anna-3.csv --model event --model switching --out runs/out/anna
     """

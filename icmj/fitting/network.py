@@ -48,7 +48,7 @@ def library() -> Any:
         with _restore_random():
             import bayesflow
     except ImportError as error:
-        raise FitError(f"fitting needs bayesflow ({error}); install it with pip install 'icmj[fit]'") from error
+        raise FitError(f"fitting needs bayesflow ({error}); in a checkout: pip install -e '.[fit]'") from error
     finally:
         root.removeHandler(quiet)
     logging.getLogger("bayesflow").setLevel(logging.WARNING)

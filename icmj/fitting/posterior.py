@@ -476,7 +476,7 @@ def write_archive(
         import h5netcdf  # noqa: F401
         import xarray
     except ImportError as error:
-        raise FitError(f"{path}: needs xarray and h5netcdf; install them with pip install 'icmj[fit]'") from error
+        raise FitError(f"{path}: needs xarray and h5netcdf; in a checkout: pip install -e '.[fit]'") from error
 
     def numbers(drawn: Array) -> xarray.Dataset:
         draws = {"chain": [0], "draw": np.arange(len(drawn))}

@@ -389,7 +389,7 @@ def cluster(address: str, function: Callable[..., Any]) -> Iterator[Cluster]:
     try:
         from dask.distributed import Client
     except ImportError as error:
-        raise SweepError(f"--dask {address}: needs dask; install it with pip install 'icmj[dask]'") from error
+        raise SweepError(f"--dask {address}: needs dask; in a checkout: pip install -e '.[dask]'") from error
     with _unsaid():
         try:
             client = Client(address, timeout=_ANSWER)

@@ -76,6 +76,8 @@ def test_the_printed_case_stands_with_a_slow_root_of_the_force_feedback() -> Non
     assert roots[0].real < 0
     assert roots[:3] == pytest.approx([-0.22240144, -1.14788144 + 4.08013271j, -1.14788144 - 4.08013271j], abs=1e-8)
     assert roots[1] == pytest.approx(without[0], abs=0.5)
+    of_command = rightmost_roots(delay_loop(BODY, OF_COMMAND), 3)
+    assert of_command == pytest.approx([-0.214406, -1.141548 + 4.268631j, -1.141548 - 4.268631j], abs=1e-6)
 
 
 @pytest.mark.parametrize("law", [PRINTED, OF_COMMAND, WITH_INTEGRAL, BOTH])

@@ -220,7 +220,7 @@ def test_a_missing_library_is_one_line_that_names_the_extra(monkeypatch: pytest.
 
     monkeypatch.setitem(sys.modules, "bayesflow", None)
     z, S = people(200, 1)
-    with pytest.raises(FitError, match=r"needs bayesflow .*pip install 'icmj\[fit\]'"):
+    with pytest.raises(FitError, match=r"needs bayesflow .*pip install -e '\.\[fit\]'"):
         train_posterior(z, S, NAMES, SUMMARIES)
 
 
