@@ -11,6 +11,8 @@ SPELT = {
     r"~?(numpy\.)?ndarray\[(~?tuple\[~?(typing\.)?Any, \.\.\.\]|~?typing\.Any), "
     r"~?(numpy\.)?dtype\[~?(numpy\.)?float64\]\]": "Array",
     r"~?numpy\._typing\._array_like\._Buffer.*?_NestedSequence\[complex \| bytes \| str\]": "ArrayLike",
+    # bounds of what is finite; Sphinx would shorten 1000000000000.0 to 0, as a name
+    r"~?typing\.Annotated\[(float|int)(, ~?annotated_types\.[GL][et]\([gl][et]=[^)]*\))+\]": r"\1",
     r"<factory>": "...",
 }
 
