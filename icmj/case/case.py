@@ -21,6 +21,7 @@ from icmj.base.array import Array
 from icmj.base.numbers import Card, WithCard, count
 from icmj.base.process import limit_to_one_thread
 from icmj.base.text import did_you_mean, one_line
+from icmj.case.noise import small_noise
 from icmj.case.plants import (
     AnyPlant,
     actual_plant,
@@ -36,7 +37,7 @@ from icmj.controller.trigger import EventRule, Trigger
 from icmj.engine.limits import corners
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import with_pressure
-from icmj.errors import DesignError, IcmjError, RunFileError, SimulationError, expect, prefix_errors
+from icmj.errors import AnalysisError, DesignError, IcmjError, RunFileError, SimulationError, expect, prefix_errors
 from icmj.plant.linear_plant import LinearPlant, Match, expect_linear, match_ports
 from icmj.plant.quality import Notice, permit
 from icmj.runfile.control_tables import SetpointTable
@@ -48,6 +49,7 @@ from icmj.simulation.simulation import Simulation
 from icmj.theory.delay_roots import loops_of, rightmost_roots
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.prediction import Prediction, predict, scaled
+from icmj.theory.spread import Spread, predict_spread
 
 DESIGN_FAILS = ("saturation", "uncontrollable", "unobservable")  # notices that say why there is no design
 SLOW = 0.25  # of the size of a noise: what a run may fall short of it without a word
@@ -261,6 +263,25 @@ class Case(WithCard):
     def setpoint(self) -> Setpoint | None:
         """The set-point r(t) of its controller, ``None`` if there is none; the prediction applies to r = 0."""
         return self.controller.setpoint
+
+    @limit_to_one_thread()
+    def spread(self) -> Spread:
+        """How the intervals vary about the predicted orbit under the noise of the run file, without a simulation.
+
+        Raises:
+            RunFileError: if its controller has no event rule.
+            AnalysisError: if the orbit does not attract, the noise is not small or of another kind, or the controller
+                follows a set-point or samples late; see :func:`icmj.theory.predict_spread`.
+        """
+        theory = expect_theory(self, "a predicted spread")
+        if self.setpoint or self.run.intermittent.sampling_delay:
+            what = "with a set-point" if self.setpoint else "with a sampling delay"
+            raise AnalysisError(f"no spread is predicted {what}, of which the linear theory says nothing; simulate")
+        if theory.prediction.orbit is None:
+            raise AnalysisError("no spread is predicted without an orbit; simulate")
+        plant = match_ports(linear_plant(self.actual, self.settings), self.controller.plant, "position")
+        noise = small_noise(plant, self.settings)
+        return predict_spread(theory.system, theory.rule, theory.prediction.orbit, noise)
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
