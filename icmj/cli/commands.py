@@ -17,7 +17,7 @@ from icmj.base.files import discard_if_failed, replaceable, write_text
 from icmj.base.numbers import amount, count, lapse, number, plain, root
 from icmj.base.process import interrupt_once, meanwhile
 from icmj.cli import arguments, files
-from icmj.cli.printing import plain_runs, say_changes, show_comparisons
+from icmj.cli.printing import plain_runs, say_changes, show_comparisons, spread_in_words, spread_of
 from icmj.cli.terminal import ERR, OUT, Column, Working, show_table
 from icmj.errors import IdentificationError, RunFileError, SweepError
 
@@ -83,7 +83,7 @@ def study(command: arguments.StudyCommand) -> None:
 def analyse(command: arguments.AnalyseCommand) -> None:
     """Print the prediction for one run file."""
     from icmj.case.case import prepare
-    from icmj.cli.printing import plain_prediction, show_roots, standing_in_words
+    from icmj.cli.printing import plain_prediction, plain_spread, show_roots, standing_in_words
     from icmj.runfile.reading import load_run
     from icmj.runfile.schema import overridden
     from icmj.theory.prediction import PREDICTION
@@ -97,7 +97,7 @@ def analyse(command: arguments.AnalyseCommand) -> None:
         return
     outputs, units = plant.outputs, plant.output_units or ("",) * plant.n_y
     if command.json:
-        OUT.show(plain_prediction(prediction, outputs, case.notices))
+        OUT.show(plain_prediction(prediction, outputs, case.notices) | plain_spread(spread_of(case)))
         return
     rows = []
     for fact in PREDICTION:
@@ -120,6 +120,8 @@ def analyse(command: arguments.AnalyseCommand) -> None:
     if prediction.beyond is not None:
         OUT.say(f"A quick look further shows one at {prediction.beyond.delta:.4g} s: raise analysis.delta_max.")
     OUT.say(standing_in_words(prediction))
+    if spread := spread_in_words(spread_of(case)):
+        OUT.say(spread)
     for words in prediction.remarks:
         OUT.say(words[0].upper() + words[1:] + ".")
     for notice in case.notices:
@@ -157,7 +159,8 @@ def run(command: arguments.RunCommand) -> None:
     if command.json:
         OUT.show(plain_runs([result], logs=(log,)) | {"outcome": plain({"kind": outcome.kind, "t": outcome.t})})
     else:
-        _tell_run(result, log, bool(command.set))
+        spread = spread_of(case)
+        _tell_run(result, log, bool(command.set), "" if isinstance(spread, str) else spread_in_words(spread))
     if outcome.kind == "interrupted":
         raise KeyboardInterrupt
 
@@ -171,8 +174,8 @@ def _tell_page(page: Page, changed: bool = False) -> None:
         OUT.say(f"{other.run.case.name} ({other.simulation.plant}): {other.words}{changes}")
 
 
-def _tell_run(result: Result, log: Path, changed: bool) -> None:
-    """What a run did, in a table and in words."""
+def _tell_run(result: Result, log: Path, changed: bool, spread: str = "") -> None:
+    """What a run did, in a table and in words, beside the predicted spread of its intervals if there is one."""
     from icmj.case.comparison import compare
     from icmj.case.result import has_prediction
     from icmj.simulation.simulation import relative_error
@@ -181,6 +184,8 @@ def _tell_run(result: Result, log: Path, changed: bool) -> None:
         show_comparisons([compare(result)], OUT, changed=changed)
         OUT.say(f"The run {result.simulation.outcome.message}, with {count(len(result.simulation.events), 'event')}.")
         OUT.say(result.words)
+        if spread:
+            OUT.say(spread)
         OUT.say(_peaks(result))
     else:
         for notice in result.notices:

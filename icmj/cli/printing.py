@@ -26,7 +26,7 @@ from icmj.base.array import Array
 from icmj.base.files import write_bytes
 from icmj.base.numbers import MISSING, amount, amounts, collect_facts, number, pairs, plain, relative
 from icmj.cli.terminal import ERR, OUT, Column, Working, show_table
-from icmj.errors import ModelError, prefix_errors
+from icmj.errors import IcmjError, ModelError, prefix_errors
 from icmj.measurement.sway import MEASURES, OF_PLANE
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from icmj.plant.quality import Notice, Quality
     from icmj.runfile.schema import RunFile
     from icmj.theory.prediction import Prediction
+    from icmj.theory.spread import Spread
 
 KINDS = {
     "homoclinic": "homoclinic: each open-loop interval is longer than the one before; the motion settles on no cycle.",
@@ -115,6 +116,30 @@ def standing_in_words(prediction: Prediction) -> str:
     if not prediction.observer_feedback_stable:
         return "Even continuous feedback of this design would not hold it; icmj run shows whether it falls."
     return "No cycle is predicted; icmj run shows whether it stands."
+
+
+def spread_of(case: Case) -> Spread | str:
+    """How the intervals vary under the noise of the run file, or why that is not predicted; "" without noise."""
+    if case.prediction is None or not case.settings.noisy:
+        return ""
+    try:
+        return case.spread()
+    except IcmjError as error:
+        return str(error)
+
+
+def spread_in_words(spread: Spread | str) -> str:
+    """The same as a sentence."""
+    words = spread if isinstance(spread, str) else spread.words
+    return words and f"{words[0].upper()}{words[1:]}."
+
+
+def plain_spread(spread: Spread | str) -> dict[str, Any]:
+    """The same as ``icmj analyse --json`` prints it: numbers or ``null``, and the reason; nothing without noise."""
+    if isinstance(spread, str):
+        return {"spread": None, "no_spread": spread} if spread else {}
+    names = ("deviation", "correlation", "shift", "epsilon")
+    return {"spread": plain({name: getattr(spread, name) for name in names})}
 
 
 def plain_linearisation(linearisation: Linearisation, quality: Quality, told: Iterable[Notice]) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from math import factorial
 import numpy as np
 from scipy.linalg import block_diag, expm
 
-from icmj.base.array import Array
+from icmj.base.array import Array, real
 from icmj.base.numbers import Card, WithCard, amount, number
 from icmj.base.process import limit_to_one_thread
 from icmj.controller.trigger import EventRule, Faces
@@ -52,12 +52,27 @@ class SmallNoise:
         interval: between the points of its grid [s]; 0 for a signal in continuous time.
         corner: at which its first-order low-pass spectrum has fallen to half [Hz]; ``None`` for white noise, whose
             values at the points of the grid are independent.
+
+    Raises:
+        AnalysisError: on construction, if a number is not finite, or there is neither a grid nor a corner.
     """
 
     rate: Array
     reading: Array
     interval: float
     corner: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("rate", "reading"):
+            object.__setattr__(self, name, np.atleast_1d(real(getattr(self, name), f"a noise's {name}", AnalysisError)))
+            if not np.isfinite(getattr(self, name)).all():
+                raise AnalysisError(f"a noise's {name} must be finite, got {getattr(self, name)}")
+        if not 0 <= self.interval < np.inf or not (self.corner is None or 0 < self.corner < np.inf):
+            raise AnalysisError(
+                f"a noise's interval and corner must be positive and finite, got {self.interval} and {self.corner}"
+            )
+        if not self.interval and self.corner is None:
+            raise AnalysisError("noise in continuous time needs a corner; give one, or an interval")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,11 +131,19 @@ def predict_spread(system: ErrorSystem, trigger: EventRule, orbit: Orbit, noise:
 
     Raises:
         AnalysisError: if the orbit is not admissible or does not attract, as members of a family do not; if there is no
-            noise, or so much that the loop is not linear, another face ends intervals or the event function turns back
-            before the threshold; if a grid is too coarse for the observer, or a mode of the plant cannot be changed.
+            noise, or one that does not fit, or so much that the loop is not linear, another face ends intervals or the
+            event function turns back before the threshold; if a grid is too coarse for the observer, or a mode of the
+            plant cannot be changed.
     """
     if not noise:
         raise AnalysisError("no spread is predicted without noise; give at least one")
+    shapes = (system.n,), (system.actual.n_y,)
+    for of in noise:
+        if (of.rate.shape, of.reading.shape) != shapes:
+            raise AnalysisError(
+                f"a noise has {len(of.rate)} rates and {len(of.reading)} readings; expected {system.n} and "
+                f"{system.actual.n_y}"
+            )
     if not orbit.admissible:
         raise AnalysisError(f"no spread is predicted about an orbit that is not admissible: {orbit.reason}")
     reduced, faces = reduction(system), trigger.faces(system.design)

@@ -244,3 +244,36 @@ def test_what_is_refused_of_a_case(name, sources, match):
 def test_quiet_standing_is_refused():
     with pytest.raises(AnalysisError, match="does not attract"):
         prepare(load_run("quiet-standing")).spread()
+
+
+def test_commands_say_it(root, tmp_path, shell):
+    text = (root / "runs" / "simple-1.2.toml").read_text(encoding="utf-8")
+    text = text.replace("../models", str(root / "models"))
+    drawn = '\n[[simulation.disturbance]]\nkind = "gaussian"\noutput = "angle"\nsize = {}\nseed = 1\n'
+    for name, size in (("small", 3e-4), ("large", 3e-3)):
+        (tmp_path / f"{name}.toml").write_text(text + drawn.format(size), encoding="utf-8")
+    small, large = (["analyse", str(tmp_path / f"{name}.toml")] for name in ("small", "large"))
+    assert "a standard deviation of 0.031 s, and a correlation of −0.243 from" in " ".join(shell.says(small).split())
+    found = shell.answers([*small, "--json"])["spread"]
+    assert found["deviation"] == pytest.approx(0.031, abs=1e-4)
+    assert len(found["correlation"]) == 8
+    assert "No spread is predicted: noise moves the hold error" in " ".join(shell.says(large).split())
+    found = shell.answers([*large, "--json"])
+    assert found["spread"] is None
+    assert found["no_spread"].startswith("no spread is predicted: noise moves")
+    assert "spread" not in shell.answers(["analyse", str(root / "runs" / "simple-1.2.toml"), "--json"])
+    run = ["run", small[1], "--plant", "linear", "--out", str(tmp_path / "out")]
+    assert "the predicted intervals have a mean of 1.52839 s" in " ".join(shell.says(run).split())
+
+
+@pytest.mark.parametrize("given", [
+    {"rate": [np.nan, 0]}, {"interval": 0.0}, {"interval": -0.01}, {"corner": 0.0}, {"rate": [0, 0, 0]},
+    {"reading": [1e-5, 0]},
+])  # fmt: skip
+def test_a_noise_that_does_not_fit(given):
+    system = shipped("b=1.2")
+    orbit = predict(system, rule_of(system)).orbit
+    fitting = {"rate": [0, 0], "reading": [1e-5], "interval": 0.01}
+    assert predict_spread(system, rule_of(system), orbit, [SmallNoise(**fitting)]).deviation > 0
+    with pytest.raises(AnalysisError, match="noise"):
+        predict_spread(system, rule_of(system), orbit, [SmallNoise(**{**fitting, **given})])
