@@ -264,7 +264,6 @@ class Case(WithCard):
         """The set-point r(t) of its controller, ``None`` if there is none; the prediction applies to r = 0."""
         return self.controller.setpoint
 
-    @limit_to_one_thread()
     def spread(self) -> Spread:
         """How the intervals vary about the predicted orbit under the noise of the run file, without a simulation.
 

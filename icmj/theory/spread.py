@@ -87,7 +87,7 @@ class Spread(WithCard):
         epsilon: standard deviation of the size of the hold error at the time of the nominal event, relative to the
             threshold.
         covariance: of the deviation of the state at events from the orbit, shape (N_w, N_w); see
-            :attr:`icmj.theory.orbit.Orbit.x_bar`. On an orbit with λ = −1 every second state is mirrored.
+            ``x_bar`` of the orbit. On an orbit with λ = −1 every second state is mirrored.
     """
 
     interval: float
@@ -131,9 +131,9 @@ def predict_spread(system: ErrorSystem, trigger: EventRule, orbit: Orbit, noise:
 
     Raises:
         AnalysisError: if the orbit is not admissible or does not attract, as members of a family do not; if there is no
-            noise, or one that does not fit, or so much that the loop is not linear, another face ends intervals or the
-            event function turns back before the threshold; if a grid is too coarse for the observer, or a mode of the
-            plant cannot be changed.
+            noise, or one that does not fit, or so much that the loop is not linear, that intervals reach Δ_min, that
+            another face ends them or that the event function turns back before the threshold; if a grid is too coarse
+            for the observer, or a mode of the plant cannot be changed.
     """
     if not noise:
         raise AnalysisError("no spread is predicted without noise; give at least one")
@@ -160,6 +160,10 @@ def predict_spread(system: ErrorSystem, trigger: EventRule, orbit: Orbit, noise:
         raise AnalysisError(
             f"no spread is predicted: a grid of {max(of.interval for of in noise):g} s is too coarse for the observer; "
             "shorten the interval of the noise, or simulate"
+        )
+    if found.interval - _APART * found.deviation < trigger.delta_min:
+        raise AnalysisError(
+            f"no spread is predicted: noise makes intervals as short as Δ_min = {trigger.delta_min:g} s; simulate"
         )
     if obstacle := beside[-1].obstacle():
         raise AnalysisError(f"no spread is predicted: {obstacle}; simulate, or raise the threshold")

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import expm, solve_continuous_lyapunov
-from theory_cases import pendulum, pendulum_design, random_systems, shipped
+from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
+from theory_cases import DOUBLE, INTEGRATOR, pendulum, pendulum_design, random_systems, shipped, system_beside
 
 from icmj import (
     Bias,
@@ -94,7 +94,7 @@ def test_shipped_cases(case, kind, size, deviation, correlation):
     if correlation is not None:
         assert spread.correlation[0] == pytest.approx(correlation, abs=1e-3)
     assert spread.interval == prediction.delta_crit
-    error = assert_agrees(spread, found := intervals(system, rule, prediction.orbit, drawn, 5000), bend=0.01)
+    error = assert_agrees(spread, found := intervals(system, rule, prediction.orbit, drawn, 4000), bend=0.01)
     assert found.mean() - spread.interval == pytest.approx(spread.shift, abs=4 * error)
 
 
@@ -180,6 +180,12 @@ def test_what_is_refused():
     orbit = predict(system, rule).orbit
     refused("not admissible: a reason", system, rule, noises(system, "output", 1e-5)[0],
             replace(orbit, admissible=False, reason="a reason"))  # fmt: skip
+    late = EventTrigger(rule.Q_t, rule.q_t, orbit.delta - 0.05)
+    refused("as short as Δ_min", system, late, noises(system, "output", 3e-4)[0])
+    plain, one = shipped("b=0.8"), pendulum_design()
+    twice = [LinearPlant(*(block_diag(M, M) for M in (of.A, of.B, of.C))) for of in (plain.actual, one.plant)]
+    system = error_system(twice[0], Design(twice[1], block_diag(one.k, one.k), block_diag(one.L, one.L)))
+    refused("does not attract", system, rule_of(system), noises(system, "output", 1e-5)[0])  # along their family
     system = shipped("b=0.9 three-link")
     refused("too coarse", system, rule_of(system), noises(system, "output", 1e-5, interval=0.1)[0])
 
@@ -194,6 +200,44 @@ def test_faces_that_are_reached_together_are_refused():
     refused("another face", system, rule, noises(system, "output", 3e-4)[0])
     apart = BoxTrigger(np.array([0.01, 0.02]))
     assert predict_spread(system, apart, predict(system, apart).orbit, noises(system, "output", 3e-4)[0]).deviation > 0
+
+
+def test_an_event_that_noise_lets_slip_is_refused():
+    """On this random loop E turns back soon after the event: with enough noise some events come much later."""
+    system = list(random_systems(1, 25))[24]
+    rule = BoxTrigger(np.full(system.actual.n_y, 0.01))
+    orbit = predict(system, rule, delta_max=6.0).orbit
+    size = 0.002 / predict_spread(system, rule, orbit, noises(system, "input", 1e-6)[0]).epsilon * 1e-6
+    assert predict_spread(system, rule, orbit, noises(system, "input", size)[0]).epsilon == pytest.approx(0.002)
+    small, drawn = noises(system, "input", 50 * size)
+    refused("turns back after the event", system, rule, small, orbit)
+    assert intervals(system, rule, orbit, drawn, 500).max() > 2 * orbit.delta
+
+
+def test_a_mode_that_only_noise_moves_is_refused():
+    """A constant torque on the pendulum, which the loop feels and cannot change."""
+    A = [[0, 1, 1], [1, 0, 0], [0, 0, 0]]
+    actual = LinearPlant(A, [[0.8], [0], [0]], [[0, 1, 0]], ("v", "y", "d"), ("u",), ("y",))
+    system = error_system(actual, pendulum_design())
+    refused("with a mode that drifts under noise: constant offset", system, rule_of(system),
+            noises(system, "output", 1e-5)[0])  # fmt: skip
+
+
+@pytest.mark.parametrize("extra", [INTEGRATOR, DOUBLE])
+def test_a_mode_that_the_loop_does_not_feel_changes_nothing(extra):
+    """Though noise moves it, too, and without end."""
+    plain = shipped("b=0.8")
+    rule = rule_of(plain)
+    small, _ = noises(plain, "input", 1e-3)
+    alone = predict_spread(plain, rule, predict(plain, rule).orbit, small)
+    driven = np.zeros((len(extra), 2))
+    driven[-1, 1] = 1.0
+    system = system_beside(extra, known=False, driven=driven)
+    more = replace(small[0], rate=np.append(small[0].rate, np.full(len(extra), 1e-3)))
+    beside = predict_spread(system, rule, predict(system, rule).orbit, [more])
+    assert beside.deviation == pytest.approx(alone.deviation, rel=1e-9)
+    assert beside.shift == pytest.approx(alone.shift, rel=1e-6)
+    np.testing.assert_allclose(beside.correlation, alone.correlation, atol=1e-9)
 
 
 def with_noise(name, *sources):
