@@ -166,7 +166,7 @@ def verdict_in_words(result: PredictedResult, converged: bool) -> str:
     elif outcome.kind == "sliding":
         ended = "every interval collapses to Δ_min"
     if prediction.delta_crit is None:
-        if result.simulation.plant == "mujoco" and measurement.kind == "cycle":
+        if result.simulation.plant == "mujoco" and measurement.kind == "cycle" and _is_exact(result):
             # odd symmetry makes the departure cubic: the interval grows by 2 ln 10/λ for each decade of the threshold
             ended += (
                 ". No linear model of this nonlinear plant is exact; its nonlinearity acts as a model error that "
@@ -184,6 +184,13 @@ def verdict_in_words(result: PredictedResult, converged: bool) -> str:
         reason = prediction.orbit.reason if prediction.orbit is not None else ""
         return f"Does not settle on the predicted cycle, because it is not admissible ({reason.rstrip('.')}); {ended}."
     return f"Does not settle on the predicted cycle, although it attracts; {ended}."
+
+
+def _is_exact(result: PredictedResult) -> bool:
+    """Whether the controller's model is the linearised plant, and its hold the closed loop that this model assumes."""
+    pairs = [(getattr(result.assumed, letter), getattr(result.actual, letter)) for letter in "ABC"]
+    pairs.append((result.controller.hold.A_h, result.controller.design.A_c))
+    return all(a.shape == b.shape and bool(np.allclose(a, b, rtol=1e-9, atol=1e-12)) for a, b in pairs)
 
 
 def halves(measurement: Measurement) -> str:

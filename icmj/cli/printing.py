@@ -48,7 +48,8 @@ if TYPE_CHECKING:
     from icmj.theory.spread import Spread
 
 KINDS = {
-    "homoclinic": "homoclinic: each open-loop interval is longer than the one before; the motion settles on no cycle.",
+    "homoclinic": "homoclinic: the last open-loop intervals grow, each longer than the one before, and the motion "
+    "settles on no cycle.",
     "growth": "growth: the motion grows until the body falls, or to the end of the run.",
 }
 MODES = ("neutral", "uncontrollable", "unobservable")

@@ -30,7 +30,7 @@ class Measurement(WithCard):
     """The motion at the end of a run, read from its events.
 
     Attributes:
-        kind: kind of the motion. ``homoclinic``: the interval keeps growing while the state decays; ``noisy``: noise
+        kind: kind of the motion. ``homoclinic``: the last intervals grow while the state decays; ``noisy``: noise
             drives the motion, which is then described by its :mod:`icmj.measurement.statistics`.
         p: events per period, or ``None`` without a cycle. A mirrored cycle has an even p.
         mirrored: whether the second half of the cycle is the first with opposite sign.

@@ -72,7 +72,7 @@ def test_where_no_cycle_is_predicted_the_interval_stands_in_brackets():
 
 def test_what_homoclinic_means_stands_beneath_a_table_that_has_the_word():
     text = " ".join(shown(show_comparisons, [comparison("a", "linear", False, "homoclinic")]).split())
-    assert "homoclinic: each open-loop interval is longer than the one before" in text
+    assert "homoclinic: the last open-loop intervals grow, each longer than the one before" in text
     assert "homoclinic" not in shown(show_comparisons, [comparison("b", "linear")])
 
 
