@@ -4,8 +4,9 @@ Maps from event to event: the return map of the event-driven rule, linearised at
 
 From one event to the next x̄ ↦ φ(Δ(x̄)) x̄, with Δ(x̄) given by E = 0. On a mirrored orbit (λ = −1) the map takes
 x̄* to −x̄*; it is odd, so its derivative at −x̄* is the same J, and two intervals have J². The multipliers given are
-those of J, for one interval, in both cases: the orbit is attracting iff every one is inside the unit circle. One is
-always zero, because the state after an event lies on the image of the surface E = 0 (docs/theory.md).
+those of J, for one interval, in both cases: the orbit is attracting iff every one is inside the unit circle. With a
+delay one is zero, because the state at an event lies on the surface E = 0; without one the state is x̄, which leaves
+out e_hp, and none need be zero (docs/theory.md).
 Under a clock the map is linear, also where the clock is faster than the delay.
 """
 
@@ -20,6 +21,7 @@ from scipy.linalg import expm
 
 from icmj.base.array import Array, falling, leading, maxima
 from icmj.controller.controller import Controller, compose
+from icmj.controller.design import system_matched
 from icmj.controller.trigger import EventRule, Faces
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
@@ -29,6 +31,10 @@ from icmj.theory.reduction import Reduction, reduction
 SAMPLES = 256
 # E closer to zero than this (relative to the squared threshold) counts as reached: a rule in floating point would fire
 TOUCH = 1e-12
+# faces whose E at the event are closer to each other than this (relative to the squared threshold) are reached together
+TIE = 1e-9
+# events over which a deviation is followed before its growth is taken, and over which it is
+_FOLLOWED = 200
 # a stiff system has so many Taylor cells that its motion no longer fits into half a gigabyte: cells times states
 _MOST_CELLS = 5_000_000
 # polynomials are made for a part of the cells at a time (cells times states), so that they take tens of megabytes
@@ -149,7 +155,7 @@ def orbit(
         )
     t, X = phi_t.trajectory(system.entry @ v, delta - t_d, points)
     waiting, X_waiting = phi_t.trajectory(system.lift @ v, t_d, points) if t_d else (t[:0], X[:0])
-    face, gamma = _find_end(faces, system, X)
+    reached, gamma = _find_end(faces, system, X)
     unseen = not np.isfinite(gamma)
     factor = 1.0 if unseen else gamma
     X, X_waiting = X * factor, X_waiting * factor
@@ -175,7 +181,7 @@ def orbit(
         peak, spread = np.full_like(peak, np.inf), np.full_like(spread, np.inf)
         reason = "the event rule does not detect this orbit, whose event error is zero at the event (e_0 = 0)"
     else:
-        reason = _obstacle(np.concatenate(watched, axis=1), face, trigger.delta_min, t, t_d)
+        reason = _obstacle(np.concatenate(watched, axis=1), reached, trigger.delta_min, t, t_d)
     cuts = np.cumsum([system.actual.n_y, system.actual.n_u])
     y_peak, u_peak, x_peak = np.split(peak, cuts)
     y_range, u_range, x_range = np.split(spread, cuts)
@@ -212,16 +218,21 @@ def _start(reduced: Reduction, phi: Array, sign: int, vector: Array) -> tuple[Ar
     return v, phi @ v - sign * v
 
 
-def _find_end(faces: Faces, system: ErrorSystem, X: Array) -> tuple[int, float]:
-    """The face that the motion ends on, and γ, the factor that puts its end there; infinite where no face sees it.
+def _find_end(faces: Faces, system: ErrorSystem, X: Array) -> tuple[NDArray[np.intp], float]:
+    """The faces that the motion ends on, and γ, the factor that puts its end there; infinite where no face sees it.
 
     Relative to the largest values on the way what is seen must not be rounding.
     """
     squares = faces.squares(X @ system.T_t.T @ faces.R.T)
-    face = int(squares[-1].argmax())
-    seen = float(squares[-1, face])
+    seen = float(squares[-1].max())
     scale = np.abs(faces.R.T @ faces.R).max() * (np.abs(X[:, system.n :]).max() ** 2)
-    return face, 1 / np.sqrt(seen) if seen > 1e-20 * scale else np.inf
+    return _tied(squares[-1]), 1 / np.sqrt(seen) if seen > 1e-20 * scale else np.inf
+
+
+def _tied(squares: Array) -> NDArray[np.intp]:
+    """The faces that are reached together, the first of the largest |R_j e|² first."""
+    tied = np.flatnonzero(squares >= (1 - TIE) * squares.max())
+    return tied[np.argsort(-squares[tied], kind="stable")]
 
 
 def _polynomials(prepared: Flow, X: Array, h: float) -> Iterator[Array]:
@@ -237,12 +248,12 @@ def _highest(polynomials: Array, rows: Array) -> Array:
     return maxima(np.concatenate([signals, -signals], axis=2)).value
 
 
-def _obstacle(levels: Array, face: int, delta_min: float, t: Array, t_d: float) -> str:
+def _obstacle(levels: Array, reached: NDArray[np.intp], delta_min: float, t: Array, t_d: float) -> str:
     """Why the orbit is not admissible; empty if E < 0 on [Δ_min, Δ) and E rises through zero at Δ.
 
     Args:
         levels: E_j in each cell as power coefficients, shape (2d + 1, cells, F).
-        face: the one that is reached at Δ.
+        reached: the faces that are reached at Δ.
         delta_min: Δ_min [s].
         t: ends of the cells, counted from the action; the last is Δ − t_d [s]; shape (cells + 1,).
         t_d: delay [s].
@@ -255,14 +266,14 @@ def _obstacle(levels: Array, face: int, delta_min: float, t: Array, t_d: float) 
     cells = levels[:, first:].copy()
     for j in range(cells.shape[2]):
         cells[:, 0, j] = _tail(cells[:, 0, j], cut)
-    # in the last cell the zero of E_face at Δ itself is divided out: E = (s − 1) D, and E < 0 there means D > 0
-    last = -_deflate(levels[:, -1, face])
+    # in the last cell the zero of E_j at Δ itself is divided out: E_j = (s − 1) D, and E_j < 0 there means D > 0
+    last = np.column_stack([-_deflate(levels[:, -1, j]) for j in reached])
     if first == len(t) - 2:
-        last = _tail(last, cut)
-    if last.sum() >= -TOUCH:
+        last = np.column_stack([_tail(p, cut) for p in last.T])
+    if last.sum(axis=0).max() >= -TOUCH:
         return "E does not rise through zero at Δ_crit: the event there is a graze, or comes from above"
     for j in range(cells.shape[2]):
-        watched = cells[:, :-1, j] if j == face else cells[:, :, j]
+        watched = cells[:, :-1, j] if j in reached else cells[:, :, j]
         if not watched.shape[1]:
             continue
         highest = maxima(watched[:, :, None])
@@ -270,9 +281,9 @@ def _obstacle(levels: Array, face: int, delta_min: float, t: Array, t_d: float) 
             cell = int(highest.cell[0])
             s = highest.s[0] if cell else cut + (1 - cut) * highest.s[0]
             return _earlier(t_d + (first + cell + s) * h, highest.value[0])
-    in_last = maxima(last[:, None, None])
-    if in_last.value[0] >= 0:
-        return _earlier(t_d + (len(t) - 2 + in_last.s[0]) * h, 0.0)
+    in_last = maxima(last[:, None, :])
+    if in_last.value.max() >= 0:
+        return _earlier(t_d + (len(t) - 2 + in_last.s[in_last.value.argmax()]) * h, 0.0)
     return ""
 
 
@@ -301,15 +312,75 @@ def jacobian(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared:
 
     NaN throughout where E grazes zero at the event (E' = 0): the map has no derivative there.
     """
+    return np.asarray(jacobians(system, trigger, orbit, prepared=prepared)[0])
+
+
+def jacobians(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
+    """J on each of the faces that the orbit reaches together, the active one first; shape (F', n + n̂, n + n̂).
+
+    Beside an orbit that reaches several, the map is the J of the face that is reached first there; see :func:`growth`.
+    """
     e_A = (prepared or flow(system.A_C)).exponential(orbit.delta - system.delay.t_d)
     X = e_A @ (system.entry @ orbit.x_bar)
-    gradient = trigger.faces(system.design).gradient(system.T_t @ X) @ system.T_t
-    velocity = system.A_C @ X
-    slope = gradient @ velocity
-    if not abs(slope) > 1e-13 * np.linalg.norm(gradient) * np.linalg.norm(velocity):
-        return np.full((len(system.exit),) * 2, np.nan)
-    flight = e_A @ system.entry
-    return system.exit @ flight - np.outer(system.exit @ velocity, gradient @ flight) / slope
+    faces, e = trigger.faces(system.design), system.T_t @ X
+    velocity, flight = system.A_C @ X, e_A @ system.entry
+    found = []
+    for face in _tied(faces.squares(faces.R @ e)):
+        R = faces.R[faces.rows(int(face))]
+        gradient = 2 * faces.unit * (R @ e) @ R @ system.T_t
+        slope = gradient @ velocity
+        if not abs(slope) > 1e-13 * np.linalg.norm(gradient) * np.linalg.norm(velocity):
+            return np.full((1, len(system.exit), len(system.exit)), np.nan)
+        found.append(system.exit @ flight - np.outer(system.exit @ velocity, gradient @ flight) / slope)
+    return np.array(found)
+
+
+def event_shift(system: ErrorSystem, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
+    """𝔗A_D Ā_C X⁻, by which the state at the event of an orbit moves for each second that it comes later."""
+    e_A = (prepared or flow(system.A_C)).exponential(orbit.delta - system.delay.t_d)
+    return np.asarray(system.exit @ (system.A_C @ (e_A @ (system.entry @ orbit.x_bar))))
+
+
+def growth(J: Array, shift: Array, sign: int) -> float:
+    """The factor per event by which a deviation grows in the long run beside an orbit that reaches several faces.
+
+    To first order, the face that is reached first deciding from event to event; over deviations in many directions.
+
+    Args:
+        J: on each face, shape (F', m, m); they differ by matrices of rank one, shift times a row.
+        shift: :func:`event_shift`, shape (m,).
+        sign: of the orbit.
+    """
+    size = J.shape[1]
+    earlier = -(shift @ (J - J[0])) / (shift @ shift)
+    away = np.hstack([np.eye(size), -np.eye(size), np.random.default_rng(0).normal(size=(size, 2 * size))])
+    total = np.zeros(away.shape[1])
+    for step in range(2 * _FOLLOWED):
+        first = (earlier @ away).argmax(axis=0)
+        away = sign * np.einsum("ijk,ki->ji", J[first], away)
+        length = np.maximum(np.linalg.norm(away, axis=0), np.finfo(float).tiny)
+        away, total = away / length, total + np.log(length) * (step >= _FOLLOWED)
+    return float(np.exp(total.max() / _FOLLOWED))
+
+
+def is_alternating(system: ErrorSystem, trigger: EventRule, orbit: Orbit, reduced: Reduction) -> bool:
+    """Whether the mirrored orbit is one of a family of cycles of two unequal intervals, by the structure of the loop.
+
+    Where what the rule sees of the hold stands still between events (a zero-order hold) and nothing is delayed, the
+    error at an event is what the observer has moved since the last. So over two intervals that close, the second
+    event's error is minus the first's: one condition on the state at an event is met by itself, and J has the
+    multiplier +1. Its left eigenvector is the gradient of E on x_o; along neutral modes that this sees there is drift.
+    """
+    if orbit.sign > 0 or system.delay or not np.isfinite(orbit.gamma):
+        return False
+    faces, A_h = trigger.faces(system.design), (system.hold or system_matched(system.design)).A_h
+    x_o, e = np.hstack([system.T_hat, np.eye(system.n_hat)]), orbit.e_hp[-1]
+    for face in _tied(faces.squares(faces.R @ e)):
+        R = faces.R[faces.rows(int(face))]
+        stands = np.abs(R @ A_h) <= 1e-12 * (np.abs(R) @ np.abs(A_h))
+        if not stands.all() or reduced.shown_by((R @ e)[None] @ R @ x_o).any():
+            return False
+    return True
 
 
 def multipliers(J: Array) -> NDArray[np.complex128]:

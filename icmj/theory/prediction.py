@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,16 @@ from icmj.controller.trigger import ClockTrigger, EventRule, expect_rule
 from icmj.theory.circle import Crossing
 from icmj.theory.crossings import Outlook, check_range, outlook, search
 from icmj.theory.error_system import ErrorSystem, Flow, flow
-from icmj.theory.orbit import Orbit, critical_vectors, is_stable, jacobian, multipliers
+from icmj.theory.orbit import (
+    Orbit,
+    critical_vectors,
+    event_shift,
+    growth,
+    is_alternating,
+    is_stable,
+    jacobians,
+    multipliers,
+)
 from icmj.theory.orbit import orbit as orbit_at
 from icmj.theory.reduction import (
     NeutralMode,
@@ -45,7 +54,8 @@ PREDICTION = (
     Fact("cycle", "cycle predicted", "", "whether a limit cycle is predicted", attrgetter("cycle"), "truth"),
     Fact("period", "period", "s", "period of the predicted cycle", attrgetter("period")),
     Fact("verdict", "verdict on the orbit", "",
-         "on the predicted orbit: attracting, repelling, not admissible or none", attrgetter("verdict"), "text"),
+         "on the predicted orbit: attracting, family (runs settle beside it), repelling, not admissible or none",
+         attrgetter("verdict"), "text"),
     Fact("multiplier", "largest multiplier of the event-driven orbit", "",
          "magnitude of the largest multiplier of the predicted orbit under the event rule",
          lambda of: None if of.multipliers is None else np.abs(of.multipliers).max(initial=0.0), figures=4, record="",
@@ -132,7 +142,16 @@ def _complement(phi: Array, v: Array) -> Array:
     return np.asarray(Q.T)
 
 
-Verdict = Literal["attracting", "repelling", "not admissible", "none"]
+Verdict = Literal["attracting", "family", "repelling", "not admissible", "none"]
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+"""From what motions come to on; ``family``: they settle beside the orbit, on others of the same family."""
+ALTERNATING = (
+    "the orbit is one of a family, because the hold stands still between events: the errors at two events that close a "
+    "cycle are opposite by themselves, so that beside it lie cycles of two unequal intervals, and a run settles on one "
+    "of these; one multiplier is exactly +1 and does not count"
+)
+SLOW_GROWTH = 0.01  # a factor per event that a few hundred events do not tell from 1
+ALIKE = 1e-6  # multipliers of faces that are reached together differ by no more where a symmetry makes them alike
 _SIZES = ("gamma", "x_bar", "X", "y", "u", "e_hp", "y_peak", "u_peak", "x_peak", "y_range", "u_range", "x_range")
 
 
@@ -155,8 +174,8 @@ class Prediction(WithCard):
         orbit: the orbit at Δ_crit (also if no cycle is predicted, to show why), or ``None``; of a family, one member.
         multipliers: eigenvalues of the Jacobian J of the return map under the event rule, or ``None``; without those of
             neutral modes and those along a family, which are ±1 by construction.
-        verdict: ``attracting``, ``repelling``, ``not admissible`` or ``none``, apart from neutral modes and directions
-            along a family.
+        verdict: ``attracting``, ``family``, ``repelling``, ``not admissible`` or ``none``, apart from neutral modes. On
+            an orbit of a family no run that starts beside it settles, but on another of the same family.
         v_condition: condition number of the eigenvector matrix V of φ(Δ_crit); NaN if undefined.
         V_inv: its rows map x̄ to χ; shape (n + n̂, n + n̂); row 0 is that of the critical mode. ``None`` if undefined.
             (If V is too ill-conditioned, row 0 is the left eigenvector and the rest an orthonormal basis of the
@@ -209,6 +228,8 @@ class Prediction(WithCard):
     def remarks(self) -> tuple[str, ...]:
         """Remarks on the numbers: on neutral modes, on a family, and on missing numbers."""
         family = () if self.family is None else (self.family.words,)
+        if self.verdict == "family" and self.family is None:
+            family = (ALTERNATING,)
         missing = (f"a dash stands where there is no number: {self.missing}",) if self.missing else ()
         return (*(mode.words for mode in self.neutral), *family, *missing)
 
@@ -316,22 +337,16 @@ def _critical(
         vector = basis @ mixture
         vector = basis[:, 0] if len(mixture) == 1 else vector / np.linalg.norm(vector)
         orbit = orbit_at(system, trigger, critical.delta, sign, prepared=prepared, reduced=reduced, vector=vector)
-        J = reduced.project @ jacobian(system, trigger, orbit, prepared=prepared) @ reduced.lift
-        multiplier = multipliers(modulo(J, basis, sign)) if np.isfinite(J).all() else None
-        if not orbit.admissible or multiplier is None:
-            verdict: Verdict = "not admissible"
-        else:
-            verdict = "attracting" if np.abs(multiplier).max(initial=0.0) < 1 - RELATIVE_ROUNDING else "repelling"
-        members.append((orbit, multiplier, verdict))
+        members.append((orbit, *_judge(system, trigger, orbit, basis, prepared, reduced)))
     verdicts = [verdict for _, _, verdict in members]
     # of a family the member shown is one that a motion can come to, if there is one
-    best = min(range(len(members)), key=lambda i: ("attracting", "repelling", "not admissible").index(verdicts[i]))
+    best = min(range(len(members)), key=lambda i: VERDICTS.index(verdicts[i]))
     structure = eigenstructure(phi, sign)
     whole, V_inv = None, None
     if len(members) > 1:
         x_bar = np.column_stack([reduced.complete(v, system.phi(critical.delta), sign) for v in basis.T])
         admissible = len(verdicts) - verdicts.count("not admissible")
-        whole = family(x_bar, len(members), admissible, verdicts.count("attracting"), sign)
+        whole = family(x_bar, len(members), admissible, verdicts.count("family"), sign)
     elif structure.V_inv is not None:
         V_inv = structure.V_inv
         if reduced.modes:
@@ -339,6 +354,35 @@ def _critical(
             orbit = members[0][0]
             V_inv[0] *= (orbit.gamma if np.isfinite(orbit.gamma) else 1.0) / (V_inv[0] @ orbit.x_bar)
     return _Critical(*members[best], whole, V_inv, structure.condition)
+
+
+def _judge(
+    system: ErrorSystem, trigger: EventRule, orbit: Orbit, basis: Array, prepared: Flow, reduced: Reduction
+) -> tuple[NDArray[np.complex128] | None, Verdict]:
+    """The multipliers of an orbit, without those that are ±1 by construction, and the verdict on it.
+
+    Of several faces reached together, they are those of the face on which the largest is; where the faces differ in
+    them, what is followed to first order decides.
+    """
+    J = reduced.project @ jacobians(system, trigger, orbit, prepared=prepared) @ reduced.lift
+    if not np.isfinite(J).all():
+        return None, "not admissible"
+    found = [multipliers(modulo(one, basis, orbit.sign)) for one in J]
+    alternating = is_alternating(system, trigger, orbit, reduced)
+    if alternating:
+        found = [np.delete(values, np.abs(values - 1).argmin()) for values in found]
+    sizes = [np.abs(values).max(initial=0.0) for values in found]
+    largest, least = max(sizes), 1 - RELATIVE_ROUNDING
+    if basis.shape[1] == 1 and np.ptp(sizes) > ALIKE:
+        largest = growth(J, reduced.project @ event_shift(system, orbit, prepared=prepared), orbit.sign)
+        least = 1 + SLOW_GROWTH if alternating else least  # +1 is still among what is followed there
+    if not orbit.admissible:
+        verdict: Verdict = "not admissible"
+    elif not largest < least:
+        verdict = "repelling"
+    else:
+        verdict = "family" if alternating or basis.shape[1] > 1 else "attracting"
+    return found[int(np.argmax(sizes))], verdict
 
 
 def critical_crossing(crossings: tuple[Crossing, ...]) -> tuple[Crossing | None, bool]:

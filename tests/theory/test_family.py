@@ -3,12 +3,23 @@
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
-from theory_cases import dip, pair_of_holds, pendulum, pendulum_design, random_systems, shipped, step, system_beside
+from theory_cases import (
+    dip,
+    pair_of_holds,
+    pendulum,
+    pendulum_design,
+    random_systems,
+    shipped,
+    step,
+    system_beside,
+    whole,
+)
 
-from icmj import Controller, Design, EventTrigger, LinearPlant, Settings, predict, system_matched
+from icmj import Controller, Delay, Design, EventTrigger, LinearPlant, Settings, predict, system_matched, zero_order
 from icmj.linear.run import simulate
 from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system
+from icmj.theory.orbit import jacobian
 from icmj.theory.reduction import mixtures, modulo
 
 
@@ -133,7 +144,7 @@ def test_two_pendulums_side_by_side_have_a_family_of_cycles(gain, mixed):
     rule = EventTrigger(np.eye(4), 0.01)
     p = predict(system, rule)
     assert p.delta_crit == pytest.approx(expected.delta_crit, rel=1e-10)
-    assert (p.cycle, p.verdict, p.eigenvalue) == (True, "attracting", expected.eigenvalue)
+    assert (p.cycle, p.verdict, p.eigenvalue) == (True, "family", expected.eigenvalue)
     assert p.period == pytest.approx(expected.period, rel=1e-10)
     assert p.crossings[0].multiplicity == 2
     family, sign = p.family, int(expected.eigenvalue.real)
@@ -169,7 +180,7 @@ def test_two_pendulums_settle_on_the_predicted_interval_whatever_the_ratio_of_th
 def test_a_family_beside_a_neutral_mode():
     alone = system_beside([[0.0]], driven=[[0, 1]])
     p = predict(side_by_side([alone, alone]), EventTrigger(np.diag([1.0, 1, 0, 1, 1, 0]), 0.01))
-    assert (p.cycle, p.verdict, p.family.dimension) == (True, "attracting", 2)
+    assert (p.cycle, p.verdict, p.family.dimension) == (True, "family", 2)
     assert sum(len(mode.rates) for mode in p.neutral) == 4
 
 
@@ -185,6 +196,57 @@ def test_what_is_left_modulo_a_family_is_the_quotient():
     J = S @ np.diag([1.0, 1.0, 0.0, 0.5, -0.3]) @ np.linalg.inv(S)
     left = np.linalg.eigvals(modulo(J, S[:, :3], 1))
     np.testing.assert_allclose(np.sort(left.real), [-0.3, 0.0, 0.5], atol=1e-10)
+
+
+def events_beside(system: ErrorSystem, hold, rule, orbit, seed: int, events: int) -> np.ndarray:
+    """x̄ at the events of a run from 1e-3 beside an orbit, relative to its size."""
+    size, rng = np.linalg.norm(orbit.x_bar), np.random.default_rng(seed)
+    away = rng.normal(size=len(orbit.x_bar))
+    start = whole(system, orbit.x_bar + 1e-3 * size * away / np.linalg.norm(away))
+    x, x_o, _ = np.split(start, [system.n, system.n + system.n_hat])
+    settings = Settings(duration=(events + 2) * orbit.delta, record_interval=1e3, limit=1e6)
+    run = simulate(system.actual, Controller(system.design, hold, rule), settings, x0=x, x_o0=x_o).events
+    return system.from_original(np.hstack([run.x, run.x_o, run.x_o]))[:, : len(orbit.x_bar)] / size
+
+
+def test_with_a_zero_order_hold_a_mirrored_orbit_is_one_of_a_family_and_runs_settle_beside_it():
+    """One multiplier is +1 by structure: it neither makes an orbit repel nor leaves it isolated."""
+    settled, left = 0, 0
+    for seed, matched in enumerate(random_systems(5, 40)):
+        hold, rule = zero_order(matched.design), EventTrigger(np.eye(matched.n_hat), 0.01, 1e-4)
+        system = error_system(matched.actual, matched.design, hold)
+        p = predict(system, rule, delta_max=2.0)
+        if p.verdict not in ("family", "repelling"):
+            assert p.verdict != "attracting"
+            continue
+        J = jacobian(system, rule, p.orbit)
+        row = p.orbit.e_hp[-1] @ np.hstack([system.T_hat, np.eye(system.n_hat)])
+        np.testing.assert_allclose(row @ J, row, atol=1e-7 * np.abs(row).max() * np.abs(J).max())
+        assert len(p.multipliers) == len(J) - 1
+        largest = np.abs(p.multipliers).max()
+        assert (p.verdict == "family") == (largest < 1)
+        if 0.85 < largest < 1.15:
+            continue
+        at = events_beside(system, hold, rule, p.orbit, seed, 120)
+        gap = min(np.linalg.norm(at[-1] - side * p.orbit.x_bar / np.linalg.norm(p.orbit.x_bar)) for side in (1, -1))
+        if p.verdict == "family":
+            assert 1e-6 < gap < 0.1
+            assert np.abs(at[-1] - at[-3]).max() < 1e-6
+            settled += 1
+        else:
+            assert gap > 0.05
+            left += 1
+    assert settled >= 8
+    assert left >= 5
+
+
+def test_a_zero_order_hold_has_no_such_family_with_a_delay():
+    design = pendulum_design()
+    system = error_system(pendulum(1.2), design, zero_order(design), delay=Delay(0.05, 0.05))
+    p = predict(system, EventTrigger(np.eye(2), 0.01))
+    assert p.eigenvalue == -1
+    assert len(p.multipliers) == 6
+    assert np.abs(p.multipliers - 1).min() > 1e-3
 
 
 def test_a_complex_pair_repeated():
