@@ -85,6 +85,14 @@ def amounts(values: Array | None, names: Sequence[str], units: Sequence[str], fi
     return ", ".join(words.replace(" ", "\N{NO-BREAK SPACE}") for words in each)
 
 
+ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
+
+
+def ordinal(i: int) -> str:
+    """``first`` for 0, and so on."""
+    return ORDINALS[i] if i < len(ORDINALS) else f"{i + 1}th"
+
+
 def count(number: int, what: str) -> str:
     """``1 state``, ``2 states``."""
     return f"{number} {what}" + ("" if number == 1 else "s")

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from icmj.base.array import Array, leading
-from icmj.base.numbers import Card, Fact, WithCard, amount, collect_facts, plain, relative
-from icmj.case.result import Result, has_prediction
+from icmj.base.numbers import Card, Fact, WithCard, amount, collect_facts, count, ordinal, plain, relative
+from icmj.case.result import Result, beside, has_prediction, settled_on
 from icmj.errors import AnalysisError
 from icmj.measurement.measurement import Measurement, measured_gamma
 from icmj.measurement.statistics import Statistics
@@ -32,18 +32,6 @@ from icmj.theory.prediction import PREDICTION, Prediction
 
 if TYPE_CHECKING:
     from icmj.case.result import PredictedResult
-
-INTERVAL_TOLERANCE = 0.05
-"""Largest relative departure of an open-loop interval from Δ_crit at which a cycle still counts as the predicted
-one. The nonlinear plant's own departure grows as the square of the threshold and stays far below; coexisting cycles
-are further away."""
-MIRROR_TOLERANCE = 2 * INTERVAL_TOLERANCE
-"""Largest asymmetry of a cycle that counts as a predicted mirrored one: an interval and the next, or a state and the
-mirror image of the next, may each depart by :data:`INTERVAL_TOLERANCE`, hence from one another by twice as much.
-
-A mirrored cycle is exactly mirrored only where plant and controller are odd. An attracting cycle persists if they are
-slightly not: one cycle of two events remains near it, whose intervals and states depart in proportion to the threshold,
-the first by as much as the second but in opposite directions, so that their mean still departs with its square."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,32 +47,20 @@ class Ran:
 
 
 def on_predicted_cycle(prediction: Prediction, measurement: Measurement) -> bool:
-    """Whether the run ended on the predicted cycle; false where none is predicted.
-
-    It has that number of events in a period and every interval within :data:`INTERVAL_TOLERANCE` of Δ_crit. With λ = −1
-    its halves are mirror images: exactly or, where the predicted cycle attracts, within :data:`MIRROR_TOLERANCE`. One
-    that repels may have lost its symmetry to two other cycles, which lie close to it.
-    """
-    if not prediction.cycle or prediction.delta_crit is None or prediction.eigenvalue is None:
-        return False
-    if measurement.kind != "cycle" or measurement.interval is None:
-        return False
-    mirrored = prediction.eigenvalue.real < 0
-    nearly = prediction.verdict == "attracting" and measurement.asymmetry <= MIRROR_TOLERANCE
-    if measurement.p != (2 if mirrored else 1) or (measurement.mirrored or (mirrored and nearly)) != mirrored:
-        return False
-    intervals = np.append(measurement.intervals, measurement.interval)
-    return bool(np.all(np.abs(intervals / prediction.delta_crit - 1) <= INTERVAL_TOLERANCE))
+    """Whether the run ended on a predicted cycle; see :func:`icmj.case.result.settled_on`."""
+    return settled_on(prediction, measurement) is not None
 
 
 def _gamma(of: Any) -> float | None:
-    if not of.prediction.cycle or of.prediction.V_inv is None or of.measurement.kind != "cycle":
+    prediction = beside(of.prediction, of.measurement)
+    if not prediction.cycle or prediction.V_inv is None or of.measurement.kind != "cycle":
         return None
-    return measured_gamma(of.simulation, of.prediction.V_inv, transformation(of.assumed, of.actual))
+    return measured_gamma(of.simulation, prediction.V_inv, transformation(of.assumed, of.actual))
 
 
 def _error(of: Any) -> float | None:
-    interval, predicted = of.measurement.interval, of.prediction.delta_crit if of.prediction.cycle else None
+    prediction, interval = beside(of.prediction, of.measurement), of.measurement.interval
+    predicted = prediction.delta_crit if prediction.cycle else None
     return interval / predicted - 1 if of.measurement.kind == "cycle" and interval and predicted else None
 
 
@@ -156,8 +132,9 @@ def verdict_in_words(result: PredictedResult, converged: bool) -> str:
     """
     prediction, measurement, outcome = result.prediction, result.measurement, result.simulation.outcome
     if converged:
-        mirror = f"twice the interval, {halves(measurement)}" if measurement.p == 2 else "one interval"
-        return f"Settles on the predicted cycle (period is {mirror})."
+        found = beside(prediction, measurement)
+        mirror = f"twice the interval, {halves(measurement, found)}" if measurement.p == 2 else "one interval"
+        return f"Settles on the predicted cycle{_which(found)} (period is {mirror})."
     if measurement.kind == "noisy":
         return f"{_in_distribution(measurement, prediction)}."
     ended = _describe_ending(measurement, prediction.cycle)
@@ -176,14 +153,18 @@ def verdict_in_words(result: PredictedResult, converged: bool) -> str:
             return f"No cycle predicted, because no eigenvalue reaches the unit circle {_reach(prediction)}; {ended}."
         return f"No cycle predicted, because no eigenvalue leaves the unit circle at ±1 {_reach(prediction)}; {ended}."
     if not prediction.cycle:
-        why = _why_no_cycle(prediction)
-        return f"No cycle at Δ_crit, as predicted, because {why}; {ended}."
-    if prediction.verdict == "repelling":
-        return f"Does not settle on the predicted cycle, because it is repelling ({_multiplier(prediction)}); {ended}."
-    if prediction.verdict == "not admissible":
-        reason = prediction.orbit.reason if prediction.orbit is not None else ""
-        return f"Does not settle on the predicted cycle, because it is not admissible ({reason.rstrip('.')}); {ended}."
-    return f"Does not settle on the predicted cycle, although it attracts; {ended}."
+        return f"No cycle at Δ_crit, as predicted, because {_why_no_cycle(prediction)}; {ended}."
+    return f"Does not settle on the predicted cycle{_which(prediction)}, although it attracts; {ended}."
+
+
+def _which(prediction: Prediction) -> str:
+    """Which of the predicted orbits it is about, where that is not the paper's, or not the only one to settle on."""
+    orbits = prediction.orbits
+    if prediction.by_paper and sum(one.settles for one in orbits) <= 1:
+        return ""
+    place = next((i for i, one in enumerate(orbits) if one.orbit is prediction.orbit), 0)
+    words = f" of {amount(prediction.delta_crit, 's', 4)}"
+    return f"{words}, the {ordinal(place)} of {len(orbits)} predicted orbits" if len(orbits) > 1 else words
 
 
 def _is_exact(result: PredictedResult) -> bool:
@@ -193,10 +174,12 @@ def _is_exact(result: PredictedResult) -> bool:
     return all(a.shape == b.shape and bool(np.allclose(a, b, rtol=1e-9, atol=1e-12)) for a, b in pairs)
 
 
-def halves(measurement: Measurement) -> str:
-    """The halves of a cycle that has settled on a predicted mirrored one; see :data:`.facts.MIRROR_TOLERANCE`."""
+def halves(measurement: Measurement, prediction: Prediction) -> str:
+    """The halves of a cycle that has settled on a predicted mirrored one, within :data:`.result.MIRROR_TOLERANCE`."""
     if measurement.mirrored:
         return "mirrored halves"
+    if prediction.verdict == "family":
+        return f"halves mirrored to {100 * measurement.asymmetry:.2g} %, as it is one of a family of unequal ones"
     return f"halves mirrored to {100 * measurement.asymmetry:.2g} %, as plant and controller are not quite symmetric"
 
 
@@ -214,7 +197,7 @@ def _in_distribution(measurement: Measurement, prediction: Prediction) -> str:
     )
     if not prediction.cycle:
         return f"The motion is driven by noise, and no cycle is predicted without it; it has {interval}"
-    attracting = "" if prediction.verdict == "attracting" else f" ({prediction.verdict})"
+    attracting = "" if prediction.verdict == "attracting" else ", one of a family,"
     return (
         f"The motion is driven by noise, with {interval}; the predicted cycle{attracting} without noise has "
         f"{prediction.delta_crit:.4g} s"
@@ -228,7 +211,11 @@ def _why_no_cycle(prediction: Prediction) -> str:
         parts.append(f"another eigenvalue is outside the circle there (|λ| = {others[0]:.2f})")
     if prediction.verdict == "repelling":
         parts.append(f"the orbit is repelling ({_multiplier(prediction)})")
-    return " and ".join(parts) or "the eigenvalues cross the circle inwards"
+    elif prediction.orbit is not None and prediction.orbit.reason:
+        parts.append(f"the orbit is not admissible ({prediction.orbit.reason.rstrip('.')})")
+    if prediction.others:
+        parts.append(f"nothing settles on {count(len(prediction.others), 'other orbit')} at ±1 either")
+    return " and ".join(parts)
 
 
 def _multiplier(prediction: Prediction) -> str:
@@ -265,7 +252,10 @@ COMPARED = tuple((fact, next(f for f in PREDICTION if f.name == fact.against)) f
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """The linear prediction: Δ_crit [s], λ_crit, period [s], γ, peak of every output, and verdict on the orbit."""
+    """The linear prediction: Δ_crit [s], λ_crit, period [s], γ, peak of every output, and verdict on the orbit.
+
+    All of the orbit that the run settled on, or else of that at Δ_crit; ``by_paper`` is of the paper's condition.
+    """
 
     delta_crit: float | None
     eigenvalue: complex | None
@@ -274,6 +264,7 @@ class Predicted:
     gamma: float | None
     amplitude: Array | None
     verdict: str
+    by_paper: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -363,7 +354,7 @@ def compare(result: Result) -> Comparison:
     if not has_prediction(result):
         kind = result.controller.kind
         raise AnalysisError(f"{result.run.case.name}: a run under {kind} control has no prediction to be compared with")
-    predicted = Predicted(**collect_facts(PREDICTION, result.prediction, "record"))
+    predicted = Predicted(**collect_facts(PREDICTION, beside(result.prediction, result.measurement), "record"))
     measured = Measured(**collect_facts(RUN, result, "record"))
     off = {
         fact.name: _relative(getattr(measured, fact.name), getattr(predicted, expected.name))

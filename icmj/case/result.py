@@ -40,7 +40,7 @@ from icmj.runfile.schema import RunFile
 from icmj.series.series import NEAR, Series, piecewise
 from icmj.simulation.simulation import Scene, Simulation
 from icmj.theory.orbit import Orbit
-from icmj.theory.prediction import Prediction
+from icmj.theory.prediction import PredictedOrbit, Prediction
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -438,6 +438,44 @@ def acting(result: Result) -> list[int]:
     return [int(i) for i in np.flatnonzero(differs.any(axis=0))]
 
 
+INTERVAL_TOLERANCE = 0.05
+"""Largest relative departure of an open-loop interval from Δ_crit at which a cycle still counts as the predicted
+one. The nonlinear plant's own departure grows as the square of the threshold and stays far below; coexisting cycles
+are further away."""
+MIRROR_TOLERANCE = 2 * INTERVAL_TOLERANCE
+"""Largest asymmetry of a cycle that counts as a predicted mirrored one: an interval and the next, or a state and the
+mirror image of the next, may each depart by :data:`INTERVAL_TOLERANCE`, hence from one another by twice as much.
+
+A mirrored cycle is exactly mirrored only where plant and controller are odd. An attracting cycle persists if they are
+slightly not: one cycle of two events remains near it, whose intervals and states depart in proportion to the threshold,
+the first by as much as the second but in opposite directions, so that their mean still departs with its square."""
+
+
+def settled_on(prediction: Prediction, measurement: Measurement) -> PredictedOrbit | None:
+    """The orbit of the catalogue that a run ended on, of those that attract or are a family; ``None`` if on none.
+
+    The run has that number of events in a period and every interval within :data:`INTERVAL_TOLERANCE` of the orbit's.
+    With λ = −1 its halves are mirror images, exactly or within :data:`MIRROR_TOLERANCE`. An orbit that repels may have
+    lost its symmetry to two other cycles, which lie close to it, and is not looked for.
+    """
+    if measurement.kind != "cycle" or measurement.interval is None:
+        return None
+    intervals, found = np.append(measurement.intervals, measurement.interval), {}
+    for one in prediction.orbits:
+        mirrored = one.crossing.eigenvalue.real < 0
+        alike = measurement.mirrored or (mirrored and measurement.asymmetry <= MIRROR_TOLERANCE)
+        off = float(np.abs(intervals / one.crossing.delta - 1).max())
+        if one.settles and measurement.p == (2 if mirrored else 1) and alike == mirrored and off <= INTERVAL_TOLERANCE:
+            found[off] = one
+    return found[min(found)] if found else None
+
+
+def beside(prediction: Prediction, measurement: Measurement | None) -> Prediction:
+    """The prediction that a run is compared with: about the orbit that it settled on, or else as it is."""
+    found = None if measurement is None else settled_on(prediction, measurement)
+    return prediction if found is None or found.orbit is prediction.orbit else prediction.about(found)
+
+
 @dataclass(frozen=True, eq=False)
 class LaidOrbit:
     """The predicted orbit with the phase and the sign of a run.
@@ -482,8 +520,8 @@ class LaidOrbit:
 
 
 def lay_orbit(result: PredictedResult) -> LaidOrbit | None:
-    """The orbit at Δ_crit aligned with the run, whether or not a cycle is predicted; ``None`` without an orbit."""
-    orbit, simulation = result.prediction.orbit, result.simulation
+    """The orbit that the run settled on, or else that at Δ_crit, aligned with the run; ``None`` without an orbit."""
+    orbit, simulation = beside(result.prediction, result.measurement).orbit, result.simulation
     if orbit is None:
         return None
     n, n_hat = result.actual.n, result.assumed.n

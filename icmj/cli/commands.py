@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from icmj.base.files import discard_if_failed, replaceable, write_text
-from icmj.base.numbers import amount, count, lapse, number, plain, root
+from icmj.base.numbers import amount, amounts, count, lapse, number, plain, root
 from icmj.base.process import interrupt_once, meanwhile
 from icmj.cli import arguments, files
 from icmj.cli.printing import plain_runs, say_changes, show_comparisons, spread_in_words, spread_of
@@ -37,6 +37,10 @@ if TYPE_CHECKING:
 CROSSINGS = (
     Column("Δ (s)"), Column("eigenvalue"), Column("kind", rank=2), Column("direction", rank=1),
     Column("largest other |λ|"),
+)  # fmt: skip
+ORBITS = (
+    Column("Δ (s)"), Column("λ"), Column("period (s)", rank=2), Column("γ", rank=2), Column("peaks", rank=1),
+    Column("largest multiplier"), Column("verdict"),
 )  # fmt: skip
 TOLD = 10.0  # s of estimated work that is announced
 
@@ -117,6 +121,16 @@ def analyse(command: arguments.AnalyseCommand) -> None:
         show_table(CROSSINGS, found, OUT, title=f"Unit-circle crossings up to {prediction.delta_max:g} s")
     else:
         OUT.say(f"No unit-circle crossing up to {prediction.delta_max:g} s.")
+    if prediction.others:
+        orbits = [
+            (
+                number(one.orbit.delta, 6), root(one.crossing.eigenvalue), number(one.orbit.period, 6),
+                number(one.orbit.gamma), amounts(one.orbit.y_peak, outputs, units), number(one.multiplier),
+                f"{one.verdict}: {one.orbit.reason}" if one.orbit.reason else one.verdict,
+            )
+            for one in prediction.orbits
+        ]  # fmt: skip
+        show_table(ORBITS, orbits, OUT, title="Orbits, one for each crossing at ±1")
     if prediction.beyond is not None:
         OUT.say(f"A quick look further shows one at {prediction.beyond.delta:.4g} s: raise analysis.delta_max.")
     OUT.say(standing_in_words(prediction))
@@ -203,7 +217,7 @@ def _tell_run(result: Result, log: Path, changed: bool, spread: str = "") -> Non
 
 def _peaks(result: PredictedResult) -> str:
     """The largest values of the outputs, with those of the predicted cycle, if there is one, in brackets."""
-    from icmj.case.result import quantities
+    from icmj.case.result import beside, quantities
 
     def shown(values: Array, i: int) -> str:
         unit = units[i].unit
@@ -211,7 +225,8 @@ def _peaks(result: PredictedResult) -> str:
         return f"{text}°" if unit == "deg" else text
 
     units, names = quantities(result.actual), result.actual.outputs
-    found, cycle = result.measurement.amplitude, result.prediction.amplitude if result.prediction.cycle else None
+    found, prediction = result.measurement.amplitude, beside(result.prediction, result.measurement)
+    cycle = prediction.amplitude if prediction.cycle else None
     peaks = [
         f"{name} {shown(found, i)}" + ("" if cycle is None else f" ({shown(cycle, i)})") for i, name in enumerate(names)
     ]

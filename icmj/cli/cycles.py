@@ -221,6 +221,7 @@ def plain_cycle(found: Cycle, case: Case, prediction: Prediction) -> dict[str, A
             "multipliers": found.multipliers,
             "multiplier_errors": found.multiplier_errors,
             "neutral": found.neutral,
+            "alternating": found.alternating,
             "states": {"plant": actual.states, "observer": assumed.states, "at_events": found.states},
             "closure": found.closure,
             "iterations": len(found.history) - 1,
@@ -249,7 +250,9 @@ def _show(found: Cycle, case: Case, prediction: Prediction) -> None:
     for i, (name, unit) in enumerate(zip(plant.outputs, units, strict=True)):
         expected = amount(None if orbit is None else orbit.y_peak[i], unit)
         rows.append((f"peak of {name}", amount(found.y_peak[i], unit), expected))
-    theirs = () if prediction.multipliers is None else prediction.multipliers
+    theirs = () if prediction.multipliers is None else tuple(prediction.multipliers)
+    if found.alternating:  # the one that the theory leaves out
+        theirs = tuple(sorted((*theirs, 1.0 + 0j), key=abs, reverse=True))
     for i, value in enumerate(found.multipliers[:4]):
         error = found.multiplier_errors[i]
         expected = _multiplier(theirs[i]) if i < len(theirs) else "–"

@@ -74,6 +74,7 @@ def say_changes(run: RunFile, out: Terminal) -> None:
 
 def plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: Iterable[Notice]) -> dict[str, Any]:
     """What ``icmj analyse --json`` prints: the prediction and the notices about its plants."""
+    from icmj.case.comparison import finite
     from icmj.theory.prediction import PREDICTION
 
     return plain(
@@ -94,6 +95,21 @@ def plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: 
                 }
                 for c in prediction.crossings
             ],
+            "orbits": [
+                {
+                    "delta": one.orbit.delta,
+                    "eigenvalue": one.crossing.eigenvalue,
+                    "direction": one.crossing.direction,
+                    "period": one.orbit.period,
+                    "gamma": finite(one.orbit.gamma),
+                    "amplitude": one.orbit.y_peak if one.family is None else None,
+                    "multipliers": one.multipliers,
+                    "verdict": one.verdict,
+                    "reason": one.orbit.reason or None,
+                    "family": None if one.family is None else one.family.words,
+                }
+                for one in prediction.orbits
+            ],
             "delta_max": prediction.delta_max,
             "beyond": None if prediction.beyond is None else prediction.beyond.delta,
             "neutral": prediction.neutral,
@@ -108,12 +124,12 @@ def plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: 
 
 def standing_in_words(prediction: Prediction) -> str:
     """Whether the body stands by the linear theory, and how far it then sways; in one sentence."""
-    if prediction.cycle and prediction.verdict == "attracting":
+    if prediction.cycle and not prediction.observer_feedback_stable:
+        return "By the linear theory a cycle attracts what starts near it; icmj run shows where other motions go."
+    if prediction.cycle:
         peaks = amounts(prediction.amplitude, prediction.outputs, prediction.output_units)
         size = "" if prediction.amplitude is None else f", with peaks of {peaks}"
         return f"By the linear theory it stands, and sways on a cycle{size}; icmj run shows the motion."
-    if prediction.cycle:
-        return f"The predicted cycle is {prediction.verdict}; icmj run shows where the motion goes."
     if not prediction.observer_feedback_stable:
         return "Even continuous feedback of this design would not hold it; icmj run shows whether it falls."
     return "No cycle is predicted; icmj run shows whether it stands."

@@ -86,6 +86,7 @@ class Branch:
         closure: relative closure errors, shape (M,).
         graze: highest inner maximum of the event function over the threshold squared, shape (M,).
         neutral: number of multipliers that are ±1 by construction.
+        alternating: whether mirrored cycles are of families; see :class:`icmj.cycle.Cycle`. Then one more is +1.
         t: times along each cycle from its first event on [s], K times in each interval; shape (M, p K).
         x, y, u: states, outputs and commands at these times, shapes (M, p K, ...).
         qpos: MuJoCo's positions, shape (M, p K, nq); (M, p K, 0) on the linear plant.
@@ -119,6 +120,7 @@ class Branch:
     units: tuple[str, ...]
     specials: tuple[SpecialPoint, ...]
     end: str
+    alternating: bool = False
 
     def __len__(self) -> int:
         return len(self.value)
@@ -145,10 +147,12 @@ class Branch:
 
     @property
     def largest(self) -> Array:
-        """Largest magnitude among the multipliers that are not neutral, shape (M,)."""
-        gap = np.abs(self.multipliers - self.sign)
-        kept = np.argsort(gap, axis=1)[:, self.neutral :]
-        return np.asarray(np.abs(np.take_along_axis(self.multipliers, kept, axis=1)).max(axis=1, initial=0.0))
+        """Largest magnitude among the multipliers that are not ±1 by construction, shape (M,)."""
+        left = self.multipliers
+        for target, dropped in ((self.sign, self.neutral), (1, int(self.alternating))):
+            kept = np.argsort(np.abs(left - target), axis=1)[:, dropped:]
+            left = np.take_along_axis(left, kept, axis=1)
+        return np.asarray(np.abs(left).max(axis=1, initial=0.0))
 
     @property
     def attracting(self) -> NDArray[np.bool_]:
@@ -281,6 +285,7 @@ def _branch(head: dict[str, Any], parts: dict[str, Any]) -> Branch:
         arrays = {name: np.array(s[name], dtype=float) for name in ("state", "intervals", "y_peak")}
         specials.append(SpecialPoint(**{**s, **arrays, "multiplier": complex(*s["multiplier"])}))
     rest: dict[str, Any] = {name: head[name] for name in ("parameter", "plant", "mirrored", "neutral", "end")}
+    rest["alternating"] = head.get("alternating", False)
     names: dict[str, Any] = {name: tuple(head[name]) for name in ("outputs", "inputs", "names", "units")}
     run = parse_run(head["run"]["text"], head["run"]["path"]).recall(head["run"].get("changes", {}))
     return Branch(

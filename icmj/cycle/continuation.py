@@ -17,6 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from icmj.base.array import Array
 from icmj.base.process import limit_to_one_thread
@@ -130,6 +131,7 @@ def walk(
 class _Walker:
     def __init__(self, curve: Curve, first: Point, points: int, neutral: int) -> None:
         self.curve, self.points, self.neutral = curve, [first], neutral
+        self.alternating = curve.loop(first.sigma).is_alternating(curve.p, curve.sign)
         self.specials: list[SpecialPoint] = []
         self.ending: Ending | None = None
         self.longest = 1.0 / points
@@ -256,7 +258,7 @@ class _Walker:
                 self.points[i] = redone(self.curve, self.points[i], trail.derivative(trail.s[i]))
         for i in range(first, last):
             pair = self.points[i : i + 2]
-            before, after = (kappas(p.multipliers, self.curve.sign, self.neutral) for p in pair)
+            before, after = (self.kappas(p) for p in pair)
             found = [self.crossing(test, i) for test in find_crossed(before, after)]
             self.specials += [special for special in found if special is not None]
         self.specials[-5:] = sorted(self.specials[-5:], key=lambda s: s.index)
@@ -318,18 +320,22 @@ class _Walker:
         self.trail.derive(len(self.points) - 1, new.D)
         return new
 
+    def kappas(self, at: Point) -> NDArray[np.complex128]:
+        """κ of a point, without those that are ±1 by construction."""
+        return kappas(at.multipliers, self.curve.sign, self.neutral, self.alternating)
+
     def crossing(self, test: Test, i: int) -> SpecialPoint | None:
         """The special point between point i and the next."""
-        curve, neutral = self.curve, self.neutral
+        curve = self.curve
         left, right = self.points[i : i + 2]
 
         def f(at: Point) -> float:
-            return value_of(test, kappas(at.multipliers, curve.sign, neutral))
+            return value_of(test, self.kappas(at))
 
         at = locate(left, right, f, lambda part: self.between(i, part), CLOSE)
         if at is None:
             at = left if abs(f(left)) < abs(f(right)) else right
-        kappa = critical(test, kappas(at.multipliers, curve.sign, neutral))
+        kappa = critical(test, self.kappas(at))
         if kappa is None:
             return None
         return describe_crossing(curve, test, kappa, at, i, self.turns(i))
@@ -516,6 +522,7 @@ def _branch(curve: Curve, walked: Walk, run: RunFile, neutral: int) -> Branch:
         closure=np.array([at.closure for at in points]),
         graze=np.array([at.graze for at in points]),
         neutral=neutral,
+        alternating=curve.loop(points[0].sigma).is_alternating(curve.p, curve.sign),
         t=np.array(t),
         x=laid("x"),
         y=laid("y"),

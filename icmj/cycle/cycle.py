@@ -293,6 +293,8 @@ class Cycle:
         history: closures of Newton's iterates, the first guess first.
         interval_error: relative error of the mean interval due to the step of the integrator; 0 on the linear plant.
         neutral: number of directions in which the cycle is not isolated; their multipliers are ±1.
+        alternating: whether it is a mirrored one of a family of cycles of two unequal intervals, as with a zero-order
+            hold; one multiplier is then +1 by the structure of the loop.
     """
 
     plant: PlantKind
@@ -311,6 +313,7 @@ class Cycle:
     history: tuple[float, ...]
     interval_error: float = 0.0
     neutral: int = 0
+    alternating: bool = False
 
     @property
     def sign(self) -> int:
@@ -324,15 +327,14 @@ class Cycle:
 
     @property
     def isolated(self) -> NDArray[np.complex128]:
-        """The multipliers without those of neutral modes."""
-        if not self.neutral:
-            return self.multipliers
+        """The multipliers without those of neutral modes, and without the +1 of a family."""
         gap = np.abs(self.multipliers - self.sign)
-        return self.multipliers[np.sort(np.argsort(gap)[self.neutral :])]
+        left = self.multipliers[np.sort(np.argsort(gap)[self.neutral :])] if self.neutral else self.multipliers
+        return np.delete(left, np.abs(left - 1).argmin()) if self.alternating else left
 
     @property
     def attracting(self) -> bool:
-        """Whether all multipliers, except those of neutral modes, are inside the unit circle by more than rounding."""
+        """Whether all multipliers, except those that are ±1 by construction, are inside the circle beyond rounding."""
         return bool(np.abs(self.isolated).max(initial=0.0) < 1 - RELATIVE_ROUNDING)
 
     @property
@@ -348,6 +350,7 @@ class Cycle:
         kind = "attracting" if self.attracting else "marginal" if edge else "repelling"
         rhythm = ", ".join(f"{interval:.6g}" for interval in self.intervals)
         told = f", modulo {self.neutral} neutral" if self.neutral else ""
+        told += ", modulo the family of cycles of unequal intervals that it is one of" if self.alternating else ""
         told += ", which is 1 up to rounding, so that attraction cannot be decided" if edge else ""
         return (
             (
@@ -478,6 +481,7 @@ def describe_cycle(loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scale
         history=found.history,
         interval_error=_interval_error(loop, found, p, sign, scale, J.J),
         neutral=found.neutral,
+        alternating=loop.is_alternating(p, sign),
     )
 
 

@@ -35,6 +35,7 @@ from icmj.errors import CycleError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.ending import Course, OpenLoop, OpenLoopInterval, Outcome
 from icmj.simulation.settings import Bias, Settings, Step
+from icmj.theory.orbit import stands_still
 
 if TYPE_CHECKING:
     from icmj.engine.open_loop import OpenLoops
@@ -211,6 +212,11 @@ class ReturnMap:
         from icmj.engine.open_loop import refine
 
         return replace(self, settings=refine(self.plant, self.controller, self.settings, factor))
+
+    def is_alternating(self, p: int, sign: int) -> bool:
+        """Whether its mirrored cycles are members of families; see :func:`icmj.theory.orbit.is_alternating`."""
+        held = self.controller.hold.A_h
+        return p == 1 and sign < 0 and not self.controller.delay and stands_still(self.controller.faces.R, held)
 
     def another(self) -> ReturnMap:
         """The same map for another thread."""

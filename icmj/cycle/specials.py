@@ -134,10 +134,13 @@ TESTS: tuple[Test, ...] = ("+1", "-1", "pair")
 _NEAR = 1e-2  # a κ this near to the circle is on it; a neutral saddle, two real ones of product 1, does not count
 
 
-def kappas(multipliers: NDArray[np.complex128], sign: int, neutral: int) -> NDArray[np.complex128]:
-    """κ without those of neutral modes."""
+def kappas(
+    multipliers: NDArray[np.complex128], sign: int, neutral: int, alternating: bool = False
+) -> NDArray[np.complex128]:
+    """κ without those of neutral modes, and without the −1 of mirrored cycles that are of a family."""
     kappa = sign * multipliers
-    return kappa[np.sort(np.argsort(np.abs(kappa - 1))[neutral:])]
+    kappa = kappa[np.sort(np.argsort(np.abs(kappa - 1))[neutral:])]
+    return np.delete(kappa, np.abs(kappa + 1).argmin()) if alternating else kappa
 
 
 def value_of(test: Test, kappa: NDArray[np.complex128]) -> float:

@@ -49,7 +49,7 @@ from icmj.simulation.ending import Outcome
 from icmj.simulation.simulation import Events, Labels, Pressure, Simulation
 from icmj.theory.circle import Crossing
 from icmj.theory.orbit import Orbit
-from icmj.theory.prediction import Prediction
+from icmj.theory.prediction import PredictedOrbit, Prediction
 from icmj.theory.reduction import NeutralMode, OrbitFamily
 
 if TYPE_CHECKING:
@@ -276,22 +276,30 @@ def _prediction(result: PredictedResult, prediction: Prediction) -> None:
     _require(not prediction.cycle or prediction.period is not None, "prediction.cycle", "is true without a period")
     if prediction.orbit is not None:
         _require(prediction.delta_crit is not None, "prediction.orbit", "is there without a Δ_crit")
-        _orbit(result, prediction.orbit)
+        _orbit(result, "prediction.orbit", prediction.orbit)
+    for i, other in enumerate(prediction.others):
+        where = f"prediction.others.{i}"
+        _positive(f"{where}.crossing.delta", other.crossing.delta)
+        _orbit(result, f"{where}.orbit", other.orbit)
+        if other.V_inv is not None:
+            _shape(f"{where}.V_inv", other.V_inv, size, size)
+        if other.multipliers is not None:
+            _shape(f"{where}.multipliers", other.multipliers, None)
 
 
-def _orbit(result: PredictedResult, orbit: Orbit) -> None:
+def _orbit(result: PredictedResult, where: str, orbit: Orbit) -> None:
     n, m, n_u, n_y = result.actual.n, result.assumed.n, result.actual.n_u, result.actual.n_y
-    M = _rising("prediction.orbit.t", orbit.t, least=2, twice=1 if result.controller.delay else 0)  # the action
-    _positive("prediction.orbit.delta", orbit.delta)
-    _positive("prediction.orbit.period", orbit.period)
-    _require(orbit.sign in (1, -1), "prediction.orbit.sign", f"is {orbit.sign}; expected 1 or -1")
-    _shape("prediction.orbit.x_bar", orbit.x_bar, _at_events(result))
+    M = _rising(f"{where}.t", orbit.t, least=2, twice=1 if result.controller.delay else 0)  # the action
+    _positive(f"{where}.delta", orbit.delta)
+    _positive(f"{where}.period", orbit.period)
+    _require(orbit.sign in (1, -1), f"{where}.sign", f"is {orbit.sign}; expected 1 or -1")
+    _shape(f"{where}.x_bar", orbit.x_bar, _at_events(result))
     for key, width in (("X", n + 2 * m), ("y", n_y), ("u", n_u), ("e_hp", m)):
-        _shape(f"prediction.orbit.{key}", getattr(orbit, key), M, width)
-    _shape("prediction.orbit.E", orbit.E, M)
+        _shape(f"{where}.{key}", getattr(orbit, key), M, width)
+    _shape(f"{where}.E", orbit.E, M)
     for key, width in (("y", n_y), ("u", n_u), ("x", n)):
         for what in ("peak", "range"):
-            _shape(f"prediction.orbit.{key}_{what}", getattr(orbit, f"{key}_{what}"), width)
+            _shape(f"{where}.{key}_{what}", getattr(orbit, f"{key}_{what}"), width)
 
 
 def _experiments(result: PredictedResult) -> None:
@@ -370,7 +378,7 @@ def _require(good: bool, where: str, otherwise: str) -> None:
 
 _DATA: tuple[type, ...] = (
     *(LinearPlant, Push, Design, Hold, Delay, Setpoint, Controller, *TRIGGERS),
-    *(Crossing, NeutralMode, OrbitFamily, Orbit, Prediction),
+    *(Crossing, NeutralMode, OrbitFamily, Orbit, PredictedOrbit, Prediction),
     *(Events, Labels, Outcome, Pressure, Simulation, Measurement),
     *(Estimate, Spectrum, Statistics),
     *(Growth, AmplitudeLaw, Attractor, Result),
@@ -417,6 +425,9 @@ def unpack(tree: str, arrays: Flat) -> Result:
             acting = acting_on(result.actual, result.run.simulation.settings())
             drives = collect_drives(result.controller, acting, result.simulation.t)
             result = replace(result, simulation=replace(result.simulation, edges=drives["edges"]))
+        # a prediction of before called a cycle predicted by the paper's condition
+        if type(result) is Result and result.prediction and "others" not in parts["prediction"]:
+            result = replace(result, prediction=_judged_by_orbit(result.prediction))
     except IcmjError:
         raise
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, MemoryError, RecursionError) as error:
@@ -425,6 +436,12 @@ def unpack(tree: str, arrays: Flat) -> Result:
         raise LogError("the archive holds no result")
     validate(result)
     return result
+
+
+def _judged_by_orbit(prediction: Prediction) -> Prediction:
+    """The prediction of a log of before: a cycle is predicted where its orbit attracts."""
+    cycle = prediction.verdict == "attracting" and prediction.orbit is not None
+    return replace(prediction, cycle=cycle, period=prediction.orbit.period if cycle and prediction.orbit else None)
 
 
 def digest(tree: str, arrays: Flat) -> str:

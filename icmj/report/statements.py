@@ -49,11 +49,11 @@ def critical_interval(delta: float, digits: int, sign: int, reservation: str = "
     """Δ_crit rounds to the printed value, with the eigenvalue at ±1."""
 
     def check(case: CaseRuns) -> Answer:
-        prediction = case.prediction
-        if prediction.delta_crit is None or prediction.eigenvalue is None:
+        found = case.prediction.paper
+        if found is None:
             return Answer("not reproduced", "No eigenvalue crosses the circle at ±1.")
-        why = f"Δ_crit = {number(prediction.delta_crit)} s, λ = {eigenvalue(prediction.eigenvalue)}"
-        ok = abs(prediction.delta_crit - delta) <= 0.5 * 10**-digits and abs(prediction.eigenvalue - sign) < 1e-6
+        why = f"Δ_crit = {number(found.delta)} s, λ = {eigenvalue(found.eigenvalue)}"
+        ok = abs(found.delta - delta) <= 0.5 * 10**-digits and abs(found.eigenvalue - sign) < 1e-6
         if not ok:
             why += f"; the paper has {delta:.{digits}f} s and {sign:+d}".replace("-", "−")
         return _answer(ok, why, reservation)
@@ -67,11 +67,13 @@ def further_eigenvalue(delta: float, digits: int) -> Callable[[CaseRuns], Answer
 
     def check(case: CaseRuns) -> Answer:
         answer = first(case)
-        others = [c.largest_other for c in case.prediction.crossings if c.delta == case.prediction.delta_crit]
-        if answer.verdict != "reproduced" or not others:
+        found = case.prediction.paper
+        if answer.verdict != "reproduced" or found is None:
             return answer
-        why = f"{answer.why.rstrip('.')}; the further eigenvalue has magnitude {others[0]:.3f} at this interval"
-        if others[0] <= 1:
+        why = (
+            f"{answer.why.rstrip('.')}; the further eigenvalue has magnitude {found.largest_other:.3f} at this interval"
+        )
+        if found.largest_other <= 1:
             return Answer("not reproduced", f"{why}, inside the circle.")
         return _answer(True, why, "it lies outside the circle, not on it; the two eigenvalues do not cross −1 together")
 
@@ -95,7 +97,7 @@ def periodic(sign: int, reservation: str = "") -> Callable[[CaseRuns], Answer]:
                     if case.prediction.delta_crit is None
                     else f" = {_times(m.period / case.prediction.delta_crit)}Δ_crit"
                 )
-                mirrored = f", {halves(m)}" if m.mirrored or (settled and m.p == 2) else ""
+                mirrored = f", {halves(m, case.prediction)}" if m.mirrored or (settled and m.p == 2) else ""
                 parts.append(f"{NAME[plant]}: period {number(m.period, 5)} s{ratio}{mirrored}")
         return _answer(ok, _sentence(parts), reservation)
 
@@ -121,7 +123,7 @@ def interval_converges(reservation: str = "") -> Callable[[CaseRuns], Answer]:
 def no_limit_cycle(case: CaseRuns) -> Answer:
     """No run settles on a cycle, neither on that of Δ_crit nor on another."""
     cycles = [result.measurement.kind == "cycle" for result in case.runs.values()]
-    ok = not any(cycles) and not case.prediction.cycle
+    ok = not any(cycles) and not case.prediction.by_paper
     parts = [f"{NAME[plant]}: {_lower(result.measurement.words)}" for plant, result in case.runs.items()]
     multipliers = case.prediction.multipliers
     if multipliers is not None and len(multipliers):

@@ -201,11 +201,11 @@ def critical(case: CaseRuns, figures: int = 5) -> str:
 
 def agrees_with_paper(case: CaseRuns) -> bool | None:
     """Whether Δ_crit rounds to the value that the paper prints; ``None`` where it prints none."""
-    printed, computed = case.first.run.case.paper.delta_crit, case.prediction.delta_crit
+    printed, found = case.first.run.case.paper.delta_crit, case.prediction.paper
     if printed is None:
         return None
     digits = len(repr(printed).partition(".")[2])
-    return computed is not None and abs(computed - printed) <= 0.5 * 10**-digits * (1 + 1e-9)
+    return found is not None and abs(found.delta - printed) <= 0.5 * 10**-digits * (1 + 1e-9)
 
 
 def _summary_row(case: CaseRuns) -> dict[str, Any]:
@@ -251,7 +251,7 @@ def _departures(case: CaseRuns) -> list[str]:
     paper, prediction = case.first.run.case.paper, case.prediction
     if agrees_with_paper(case) is not False:
         return []
-    computed = "undefined" if prediction.delta_crit is None else f"{numbers.number(prediction.delta_crit)} s"
+    computed = "undefined" if prediction.paper is None else f"{numbers.number(prediction.paper.delta)} s"
     return [f"Differs from the paper: Δ_crit is {computed}; the paper has {paper.delta_crit:g} s."]
 
 

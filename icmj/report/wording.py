@@ -179,7 +179,6 @@ _AS_PREDICTED = ("✓", "agrees", "settles on the predicted cycle")
 _NONE_AS_PREDICTED = ("✓", "none, agrees", "settles on no cycle, and none is predicted")
 _ANOTHER = ("○", "another cycle", "settles on a cycle that is not the predicted one")
 _UNPREDICTED = ("○", "another cycle", "settles on a cycle where linear theory predicts none")
-_REPELLED = ("✓", "agrees", "the predicted cycle does not attract, and the run settles on none")
 _MISSED = ("✗", "not reached", "does not settle, although the predicted cycle attracts")
 
 
@@ -190,7 +189,7 @@ def judge_run(comparison: Comparison | None) -> tuple[str, str, str]:
     if comparison.measured.kind == "noisy":
         return numbers.MISSING, "under noise", "a motion under noise has no cycle"
     measured, predicted = comparison.measured, comparison.predicted
-    return _agreement(measured.converged, measured.kind == "cycle", predicted.cycle, predicted.verdict)
+    return _agreement(measured.converged, measured.kind == "cycle", predicted.cycle)
 
 
 def judge_attractor(prediction: Prediction, measurement: Measurement) -> tuple[str, str]:
@@ -200,19 +199,17 @@ def judge_attractor(prediction: Prediction, measurement: Measurement) -> tuple[s
     not contradict the prediction, which is local.
     """
     on = on_predicted_cycle(prediction, measurement)
-    mark, _, said = _agreement(on, measurement.kind == "cycle", prediction.cycle, prediction.verdict)
+    mark, _, said = _agreement(on, measurement.kind == "cycle", prediction.cycle)
     return ("○", "a motion beside the predicted cycle") if mark == "✗" else (mark, said)
 
 
-def _agreement(on_predicted: bool, settled: bool, cycle: bool, verdict: str) -> tuple[str, str, str]:
-    """The rule of all marks: what a motion did, beside whether a cycle is predicted and whether it attracts."""
+def _agreement(on_predicted: bool, settled: bool, cycle: bool) -> tuple[str, str, str]:
+    """The rule of all marks: what a motion did, beside whether a cycle is predicted."""
     if on_predicted:
         return _AS_PREDICTED
     if not cycle:
         return _UNPREDICTED if settled else _NONE_AS_PREDICTED
-    if settled:
-        return _ANOTHER
-    return _MISSED if verdict == "attracting" else _REPELLED
+    return _ANOTHER if settled else _MISSED
 
 
 def verdicts(case: CaseRuns) -> list[str]:

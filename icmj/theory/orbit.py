@@ -363,6 +363,11 @@ def growth(J: Array, shift: Array, sign: int) -> float:
     return float(np.exp(total.max() / _FOLLOWED))
 
 
+def stands_still(R: Array, A_h: Array) -> bool:
+    """Whether R x_h does not move between events, as with a zero-order hold."""
+    return bool((np.abs(R @ A_h) <= 1e-12 * (np.abs(R) @ np.abs(A_h))).all())
+
+
 def is_alternating(system: ErrorSystem, trigger: EventRule, orbit: Orbit, reduced: Reduction) -> bool:
     """Whether the mirrored orbit is one of a family of cycles of two unequal intervals, by the structure of the loop.
 
@@ -377,8 +382,7 @@ def is_alternating(system: ErrorSystem, trigger: EventRule, orbit: Orbit, reduce
     x_o, e = np.hstack([system.T_hat, np.eye(system.n_hat)]), orbit.e_hp[-1]
     for face in _tied(faces.squares(faces.R @ e)):
         R = faces.R[faces.rows(int(face))]
-        stands = np.abs(R @ A_h) <= 1e-12 * (np.abs(R) @ np.abs(A_h))
-        if not stands.all() or reduced.shown_by((R @ e)[None] @ R @ x_o).any():
+        if not stands_still(R, A_h) or reduced.shown_by((R @ e)[None] @ R @ x_o).any():
             return False
     return True
 

@@ -7,7 +7,7 @@ The facts of a prediction; see :class:`icmj.theory.prediction.Prediction` for wh
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Literal, get_args
@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import RELATIVE_ROUNDING, Array, falling, leading
-from icmj.base.numbers import Card, Fact, WithCard, amount, eigenvalue
+from icmj.base.numbers import Card, Fact, WithCard, amount, eigenvalue, ordinal
 from icmj.base.process import limit_to_one_thread
 from icmj.controller.controller import Controller
 from icmj.controller.design import system_matched
 from icmj.controller.trigger import ClockTrigger, EventRule, expect_rule
-from icmj.theory.circle import Crossing
+from icmj.errors import AnalysisError
+from icmj.theory.circle import Crossing, Kind
 from icmj.theory.crossings import Outlook, check_range, outlook, search
 from icmj.theory.error_system import ErrorSystem, Flow, flow
 from icmj.theory.orbit import (
@@ -51,7 +52,8 @@ PREDICTION = (
     Fact("eigenvalue", "eigenvalue there", "",
          "eigenvalue on the unit circle at Δ_crit, +1 or −1; empty if there is none", attrgetter("eigenvalue"),
          "eigenvalue"),
-    Fact("cycle", "cycle predicted", "", "whether a limit cycle is predicted", attrgetter("cycle"), "truth"),
+    Fact("cycle", "cycle predicted", "", "whether an orbit that attracts, or beside which runs settle, is predicted",
+         attrgetter("cycle"), "truth"),
     Fact("period", "period", "s", "period of the predicted cycle", attrgetter("period")),
     Fact("verdict", "verdict on the orbit", "",
          "on the predicted orbit: attracting, family (runs settle beside it), repelling, not admissible or none",
@@ -60,6 +62,9 @@ PREDICTION = (
          "magnitude of the largest multiplier of the predicted orbit under the event rule",
          lambda of: None if of.multipliers is None else np.abs(of.multipliers).max(initial=0.0), figures=4, record="",
          logged=""),
+    Fact("by_paper", "cycle by the paper's condition", "",
+         "whether an eigenvalue leaves the unit circle at +1 or −1 with all others inside", attrgetter("by_paper"),
+         "truth", column="", logged=""),
     Fact("gamma", "γ", "", "size of the critical mode at the events of the predicted orbit", attrgetter("gamma")),
     Fact("state_feedback_stable", "continuous state feedback on the actual plant", "",
          "whether continuous state feedback is stable on the actual plant", attrgetter("state_feedback_stable"),
@@ -152,7 +157,46 @@ ALTERNATING = (
 )
 SLOW_GROWTH = 0.01  # a factor per event that a few hundred events do not tell from 1
 ALIKE = 1e-6  # multipliers of faces that are reached together differ by no more where a symmetry makes them alike
+KIND: dict[int, Kind] = {1: "+1", -1: "-1"}
+FALLS = (
+    "continuous feedback of this design is unstable, and most small starts fall, though a cycle attracts those that "
+    "start near enough"
+)
+_JUDGED = ("multipliers", "verdict", "family", "V_inv", "v_condition")
 _SIZES = ("gamma", "x_bar", "X", "y", "u", "e_hp", "y_peak", "u_peak", "x_peak", "y_range", "u_range", "x_range")
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedOrbit:
+    """One orbit of the catalogue, at a crossing of ±1, with its own verdict.
+
+    Attributes:
+        crossing: where an eigenvalue of φ is ±1, rising, falling or touching.
+        orbit, multipliers, verdict, family, V_inv, v_condition: as of a :class:`Prediction`.
+    """
+
+    crossing: Crossing
+    orbit: Orbit
+    multipliers: NDArray[np.complex128] | None
+    verdict: Verdict
+    family: OrbitFamily | None
+    V_inv: NDArray[np.complex128] | None
+    v_condition: float
+
+    @property
+    def settles(self) -> bool:
+        """Whether runs that start beside it settle on it, or beside it on another of its family."""
+        return self.verdict in ("attracting", "family")
+
+    @property
+    def multiplier(self) -> float | None:
+        """Magnitude of the largest multiplier."""
+        return None if self.multipliers is None else float(np.abs(self.multipliers).max(initial=0.0))
+
+    @property
+    def words(self) -> str:
+        """Its interval and the verdict, such as ``1.1477 s (λ = +1), attracting``."""
+        return f"{amount(self.crossing.delta, 's')} (λ = {eigenvalue(self.crossing.eigenvalue)}), {self.verdict}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -160,11 +204,11 @@ class Prediction(WithCard):
     """The results of the linear analysis of one controller on one plant.
 
     Attributes:
-        delta_crit: Δ_crit [s], or ``None`` if undefined: the first rising crossing at ±1 with all other eigenvalues
-            inside the circle (a cycle is predicted); without one, the first crossing at ±1 (no cycle is predicted);
-            without any, undefined.
+        delta_crit: Δ_crit [s], or ``None`` if undefined: the paper's, which is the first rising crossing at ±1 with all
+            other eigenvalues inside the circle, or without one the first crossing at ±1; but where runs do not settle
+            on the orbit there, and do on another, the first at which they do.
         eigenvalue: λ_crit, or ``None``.
-        cycle: whether a limit cycle is predicted by the paper's argument.
+        cycle: whether a limit cycle is predicted: an orbit that attracts, or of a family beside which runs settle.
         period: Δ_crit for λ = +1, 2Δ_crit for −1; ``None`` if no cycle is predicted.
         gamma: γ, ``None`` without an orbit. Unlike all other results, it depends on the coordinates x̄.
         amplitude: peak of every output over the orbit, shape (n_y,), NaN for an output that shows a neutral mode;
@@ -172,6 +216,7 @@ class Prediction(WithCard):
         crossings: all crossings of the unit circle in the interval searched, by increasing Δ.
         delta_max: end of the interval searched [s].
         orbit: the orbit at Δ_crit (also if no cycle is predicted, to show why), or ``None``; of a family, one member.
+            This and what follows of an orbit is about that at Δ_crit; ``orbits`` has all.
         multipliers: eigenvalues of the Jacobian J of the return map under the event rule, or ``None``; without those of
             neutral modes and those along a family, which are ±1 by construction.
         verdict: ``attracting``, ``family``, ``repelling``, ``not admissible`` or ``none``, apart from neutral modes. On
@@ -192,6 +237,7 @@ class Prediction(WithCard):
             (any crossing, if there is none at all before), or ``None``.
         growing: whether the largest |λ| still grows at ``delta_max``.
         outputs, output_units: names and units of the outputs; empty if unknown.
+        others: the orbits at the other crossings at ±1, by rising Δ.
     """
 
     delta_crit: float | None
@@ -215,6 +261,43 @@ class Prediction(WithCard):
     growing: bool = False
     outputs: tuple[str, ...] = ()
     output_units: tuple[str, ...] = ()
+    others: tuple[PredictedOrbit, ...] = ()
+
+    @property
+    def orbits(self) -> tuple[PredictedOrbit, ...]:
+        """The catalogue: an orbit for each crossing at ±1, by rising Δ."""
+        if self.orbit is None or self.eigenvalue is None:
+            return self.others
+        at = [c for c in self.crossings if c.delta == self.delta_crit and c.eigenvalue == self.eigenvalue]
+        crossing = at[0] if at else Crossing(self.orbit.delta, self.eigenvalue, KIND[self.orbit.sign], "rising", 0.0)
+        shown = PredictedOrbit(
+            crossing, self.orbit, self.multipliers, self.verdict, self.family, self.V_inv, self.v_condition
+        )
+        return tuple(sorted((shown, *self.others), key=lambda one: one.crossing.delta))
+
+    @property
+    def paper(self) -> Crossing | None:
+        """The crossing that defines Δ_crit in the paper; ``None`` without one at ±1."""
+        return critical_crossing(self.crossings)[0]
+
+    @property
+    def by_paper(self) -> bool:
+        """Whether the paper's condition predicts a cycle: a rising crossing at ±1 with all other eigenvalues inside."""
+        return critical_crossing(self.crossings)[1]
+
+    def about(self, found: PredictedOrbit) -> Prediction:
+        """The same prediction with another orbit of the catalogue as the one at Δ_crit."""
+        orbit = found.orbit
+        return replace(
+            self,
+            delta_crit=found.crossing.delta,
+            eigenvalue=found.crossing.eigenvalue,
+            period=orbit.period if self.cycle else None,
+            gamma=orbit.gamma,
+            amplitude=orbit.y_peak if found.family is None else None,
+            **{name: getattr(found, name) for name in ("orbit", *_JUDGED)},
+            others=tuple(one for one in self.orbits if one.orbit is not orbit),
+        )
 
     @property
     def missing(self) -> str:
@@ -231,7 +314,8 @@ class Prediction(WithCard):
         if self.verdict == "family" and self.family is None:
             family = (ALTERNATING,)
         missing = (f"a dash stands where there is no number: {self.missing}",) if self.missing else ()
-        return (*(mode.words for mode in self.neutral), *family, *missing)
+        falls = () if self.observer_feedback_stable or not self.cycle else (FALLS,)
+        return (*(mode.words for mode in self.neutral), *family, *falls, *missing)
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
@@ -240,6 +324,7 @@ class Prediction(WithCard):
         at = (self.outputs, self.output_units)
         rows = {fact.label: fact.shown(fact.value(self), *at) for fact in PREDICTION}
         rows["crossings of the unit circle"] = f"{len(self.crossings)} {searched}"
+        rows |= {f"{ordinal(i)} orbit": one.words for i, one in enumerate(self.orbits) if self.others}
         if self.delta_crit is None:
             rows[PREDICTION[0].label] = f"none {searched}"
             return Card(f"no Δ_crit {searched}", tuple(rows.items()))
@@ -274,61 +359,75 @@ def predict(
     prepared.demand(delta_max)
     reduced = reduction(system, prepared)
     found = search(system, delta_max, reduced=reduced, progress=lambda done: report(0.9 * done))
-    critical, cycle = critical_crossing(found.crossings)
-    ahead = Outlook(None, False)
-    if critical is None:
+    paper, ahead = critical_crossing(found.crossings)[0], Outlook(None, False)
+    if paper is None:
         ahead = outlook(system, reduced, found.delta_end, any_kind=not found.crossings)
-    at = _Critical.none() if critical is None else _critical(system, trigger, critical, prepared, reduced)
+    orbits = tuple(_catalogue(system, trigger, found.crossings, paper, prepared, reduced))
     report(1.0)
-    orbit, amplitude = at.orbit, None
-    if orbit is not None and at.family is None:
-        amplitude = orbit.y_peak
-    return Prediction(
-        delta_crit=critical.delta if critical else None,
-        eigenvalue=critical.eigenvalue if critical else None,
-        cycle=cycle,
-        period=orbit.period if orbit and cycle else None,
-        gamma=orbit.gamma if orbit else None,
-        amplitude=amplitude,
+    nothing = Prediction(
+        delta_crit=None,
+        eigenvalue=None,
+        cycle=any(one.settles for one in orbits),
+        period=None,
+        gamma=None,
+        amplitude=None,
         crossings=found.crossings,
         delta_max=found.delta_end,
-        orbit=orbit,
-        multipliers=at.multipliers,
-        verdict=at.verdict,
-        v_condition=at.condition,
-        V_inv=at.V_inv,
+        orbit=None,
+        multipliers=None,
+        verdict="none",
+        v_condition=float("nan"),
+        V_inv=None,
         state_feedback_stable=stable_modulo_neutral(
             system.actual.A - system.actual.B @ system.k, system.actual.B, system.k
         ),
         observer_feedback_stable=_observer_feedback_stable(system, reduced),
         neutral=reduced.modes,
-        family=at.family,
         beyond=ahead.crossing,
         growing=ahead.growing,
         outputs=system.actual.outputs,
         output_units=system.actual.output_units,
+        others=orbits,
     )
+    if paper is None:
+        return nothing
+    first = next(one for one in orbits if _together(one.crossing, paper))
+    return nothing.about(first if first.settles else next((one for one in orbits if one.settles), first))
 
 
-@dataclass(frozen=True, eq=False)
-class _Critical:
-    """The results that follow from the critical crossing; the fields are those of :class:`Prediction`."""
-
-    orbit: Orbit | None
-    multipliers: NDArray[np.complex128] | None
-    verdict: Verdict
-    family: OrbitFamily | None
-    V_inv: NDArray[np.complex128] | None
-    condition: float
-
-    @classmethod
-    def none(cls) -> _Critical:
-        return cls(None, None, "none", None, None, float("nan"))
+def _together(one: Crossing, other: Crossing) -> bool:
+    """Whether two crossings are at the same Δ, with the same eigenvalue."""
+    return one.kind == other.kind and abs(one.delta - other.delta) <= RELATIVE_ROUNDING * other.delta
 
 
-def _critical(
+def _catalogue(
+    system: ErrorSystem,
+    trigger: EventRule,
+    crossings: tuple[Crossing, ...],
+    paper: Crossing | None,
+    prepared: Flow,
+    reduced: Reduction,
+) -> Iterator[PredictedOrbit]:
+    """An orbit for each crossing at ±1, a rising and a falling one at the same Δ being one of a larger eigenspace.
+
+    Of those that cannot be computed, because an interval is too long, that of the ``paper`` raises its error.
+    """
+    real = [c for c in crossings if c.kind != "complex"]
+    for i, c in enumerate(real):
+        if any(_together(one, c) for one in real[:i]):
+            continue
+        same = [one for one in real if _together(one, c)]
+        whole = replace(c, multiplicity=sum(s.multiplicity for s in same), dimension=sum(s.dimension for s in same))
+        try:
+            yield _predicted(system, trigger, whole if len(same) > 1 else c, prepared, reduced)
+        except AnalysisError:
+            if paper is not None and _together(c, paper):
+                raise
+
+
+def _predicted(
     system: ErrorSystem, trigger: EventRule, critical: Crossing, prepared: Flow, reduced: Reduction
-) -> _Critical:
+) -> PredictedOrbit:
     sign = 1 if critical.kind == "+1" else -1
     phi = reduced.phi(critical.delta)
     basis = critical_vectors(phi, sign, critical.dimension)
@@ -353,7 +452,10 @@ def _critical(
             V_inv = np.vstack([V_inv @ reduced.project, reduced.along, reduced.fixed])
             orbit = members[0][0]
             V_inv[0] *= (orbit.gamma if np.isfinite(orbit.gamma) else 1.0) / (V_inv[0] @ orbit.x_bar)
-    return _Critical(*members[best], whole, V_inv, structure.condition)
+    orbit, multiplier, verdict = members[best]
+    if critical.dimension < critical.multiplicity and verdict != "not admissible":
+        verdict = "repelling"  # a defective eigenvalue has fewer orbits than it needs to stay bounded
+    return PredictedOrbit(critical, orbit, multiplier, verdict, whole, V_inv, structure.condition)
 
 
 def _judge(
@@ -386,7 +488,7 @@ def _judge(
 
 
 def critical_crossing(crossings: tuple[Crossing, ...]) -> tuple[Crossing | None, bool]:
-    """The crossing that defines Δ_crit, and whether it predicts a cycle (docs/theory.md)."""
+    """The crossing that defines Δ_crit in the paper, and whether it predicts a cycle by its condition."""
     real = [c for c in crossings if c.kind != "complex"]
     for c in real:
         # a defective eigenvalue has fewer orbits than it needs to stay bounded
@@ -417,6 +519,7 @@ def scaled(prediction: Prediction, factor: float) -> Prediction:
         gamma=None if prediction.gamma is None else prediction.gamma * factor,
         amplitude=None if prediction.amplitude is None else prediction.amplitude * factor,
         orbit=None if prediction.orbit is None else _scale(prediction.orbit, factor),
+        others=tuple(replace(one, orbit=_scale(one.orbit, factor)) for one in prediction.others),
     )
 
 

@@ -8,7 +8,7 @@ import pytest
 from report_cases import result
 
 from icmj import load_run, measure, prepare, simulate
-from icmj.case import comparison as of
+from icmj.case import result as of
 from icmj.case.comparison import compare, on_predicted_cycle, to_json, verdict_in_words
 
 

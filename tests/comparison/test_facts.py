@@ -64,7 +64,16 @@ def test_the_comparison_has_the_facts_that_summaries_have() -> None:
 def test_files_keep_the_names_that_they_had() -> None:
     found = compare(result("b0.8"))
     record = to_json(found)
-    assert set(record["predicted"]) == {"delta_crit", "eigenvalue", "cycle", "period", "gamma", "amplitude", "verdict"}
+    assert set(record["predicted"]) == {
+        "delta_crit",
+        "eigenvalue",
+        "cycle",
+        "period",
+        "gamma",
+        "amplitude",
+        "verdict",
+        "by_paper",
+    }
     assert set(record["measured"]) == {"interval", "period", "amplitude", "gamma", "converged", "kind"}
     assert set(record["relative_error"]) == {"interval", "period", "amplitude", "gamma"}
     logged = properties(result("b0.8"), found)

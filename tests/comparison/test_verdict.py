@@ -32,7 +32,7 @@ def test_what_is_not_on_a_predicted_cycle_says_why(name, said):
 
 def test_a_repelling_predicted_cycle_says_so():
     found = result("b0.8")
-    prediction = replace(found.prediction, verdict="repelling", multipliers=np.array([1.19 + 0j]))
+    prediction = replace(found.prediction, cycle=False, verdict="repelling", multipliers=np.array([1.19 + 0j]))
     lost = replace(found.measurement, kind="irregular", p=None, period=None)
     words = verdict_in_words(replace(found, prediction=prediction, measurement=lost), False)
     assert "repelling (largest multiplier 1.19)" in words

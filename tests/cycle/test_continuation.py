@@ -8,7 +8,7 @@ from scipy.optimize import brentq, root
 
 import icmj
 from icmj import branch_off, follow, load_run
-from icmj.cycle.branch import Branch, SpecialPoint
+from icmj.cycle.branch import Branch, SpecialPoint, pack, unpack
 from icmj.cycle.curve import ReturnMaps, parameter
 from icmj.cycle.cycle import Guess, find_cycle
 from icmj.cycle.return_map import jacobian
@@ -32,6 +32,24 @@ def test_on_the_linear_plant_it_is_the_prediction_at_every_gain() -> None:
         assert found.interval[i] == pytest.approx(predicted.delta_crit, rel=1e-9)
         np.testing.assert_allclose(found.y_peak[i], predicted.orbit.y_peak, rtol=1e-9)
         np.testing.assert_allclose(found.multipliers[i], predicted.multipliers, atol=1e-9)
+
+
+@pytest.mark.parametrize("plant", ["linear", pytest.param("mujoco", marks=pytest.mark.slow)])
+def test_on_a_family_nothing_bifurcates_and_every_cycle_says_that_it_is_one_of_them(plant: str) -> None:
+    """With a zero-order hold one multiplier of a mirrored cycle is +1 at every gain, up to rounding."""
+    changes = {"design.R_c": 0.01, "design.R_o": 1e-4, "controller.Q_t": "identity", "controller.hold": "zero-order"}
+    run = load_run(RUNS / "simple-1.2.toml").with_(**changes, **{"actual.gain": 1.3})
+    found = follow(run, "b", 1.4, plant=plant, points=4)
+    assert found.specials == ()
+    assert found.alternating
+    assert found.attracting.all()
+    np.testing.assert_allclose(np.abs(found.multipliers - 1).min(axis=1), 0, atol=1e-5)
+    alone = find_cycle(icmj.prepare(run), plant)
+    assert (alone.attracting, alone.alternating, len(alone.isolated)) == (True, True, 3)
+    assert "one of" in alone.words
+    assert found.largest[0] == pytest.approx(np.abs(alone.isolated).max(), abs=1e-4)
+    again = unpack(*pack(found))
+    assert again.alternating
 
 
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])

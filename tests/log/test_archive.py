@@ -100,3 +100,20 @@ def test_an_array_of_objects_is_not_made() -> None:
     tree, arrays = pack(made_up(duration=1.0)[0])
     with pytest.raises(LogError, match="array of object"):
         unpack(tree.replace('"dtype": "<f8"', '"dtype": "|O"'), arrays)
+
+
+def test_a_log_of_before_the_catalogue_is_judged_by_its_orbit() -> None:
+    """It called a cycle predicted by the paper's condition, and had one orbit."""
+    result, _ = made_up(duration=1.0)
+    assert_same(result, unpack(*pack(result)))
+    for verdict, cycle in (("attracting", True), ("repelling", False)):
+        told = replace(result.prediction, verdict=verdict, cycle=not cycle)
+        tree, arrays = pack(replace(result, prediction=told))
+        old = json.loads(tree)
+        assert old["prediction"].pop("others") == {"@tuple": []}
+        found = unpack(json.dumps(old), arrays).prediction
+        assert (found.cycle, found.period is None, found.others) == (cycle, not cycle, ())
+        assert [one.verdict for one in found.orbits] == [verdict]
+    other = replace(result.prediction, others=result.prediction.orbits)
+    catalogue = replace(result, prediction=other)
+    assert_same(catalogue, unpack(*pack(catalogue)))

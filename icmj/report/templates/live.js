@@ -450,7 +450,7 @@ function describeMotion() {
         loop.settings.linear || !model.plant.chain ? " Events that still come stem from the start or the last push, and grow rare." :
         " Events that still come stem from the start, the last push, or what the model does not know of the nonlinear body; on the linear plant they grow rare.");
   } else if (delta === null) said.theory = `${wrong}No eigenvalue reaches +1 or −1 within ${model.table.last} s, so no cycle is predicted.`;
-  else if (!cycle) said.theory = `${wrong}At Δ = ${seconds(delta, 3)} an eigenvalue reaches ${lambda > 0 ? "+1" : "−1"}, but another one has left the circle before, so no cycle is predicted.`;
+  else if (!cycle) said.theory = `${wrong}At Δ = ${seconds(delta, 3)} an eigenvalue reaches ${lambda > 0 ? "+1" : "−1"}, but ${largest !== null && largest >= 1 ? "the orbit there repels: small departures from it grow" : "an event comes earlier on the orbit there"}. So no cycle is predicted.`;
   else {
     const why = `${wrong}If events are Δ = ${seconds(delta)} apart, an eigenvalue reaches ${lambda > 0 ? "+1: every event repeats the one before, and the period is one interval" : `−1: every event mirrors the one before, and the period is two intervals, ${seconds(2 * delta, 3)}`}.`;
     if (loop.wait >= delta) said.theory = `${why} But no event is allowed before ${seconds(loop.wait, 2)}, so this cycle is ruled out.`;
