@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_cases import result
+from report_cases import PENDULUM, result
 
-from icmj.case.comparison import verdict_in_words
+from icmj import Controller, EventTrigger, Settings, design_lq, error_system, measure, predict, system_matched
+from icmj.case.comparison import compare, verdict_in_words
+from icmj.linear.run import simulate
 from icmj.simulation.ending import Outcome
 
 
@@ -55,3 +57,34 @@ def test_no_crossing_is_said_of_the_range_searched_only():
     assert "one does beyond it, at 1.81 s; raise analysis.delta_max" in words
     growing = replace(found.prediction, **nothing, growing=True)
     assert "the largest |λ| still grows" in verdict_in_words(replace(found, prediction=growing), False)
+
+
+def test_a_run_on_an_orbit_that_the_paper_s_condition_excludes_is_on_a_predicted_cycle():
+    """And where several orbits are predicted, the words say which it is."""
+    design = design_lq(PENDULUM, R_c=10.0, R_o=0.01)
+    actual, rule = PENDULUM.scaled(3.7), EventTrigger(np.eye(2), 0.01, 1e-3)
+    system = error_system(actual, design)
+    prediction, controller = predict(system, rule), Controller(design, system_matched(design), rule)
+    x, x_o, _ = system.start(1.001 * prediction.orbit.x_bar)
+    run = simulate(actual, controller, Settings(duration=60.0, limit=1e3), x0=x, x_o0=x_o)
+    motion = measure(run, T_hat=system.T_hat)
+    told = {"actual": actual, "controller": controller, "prediction": prediction, "simulation": run}
+    found = replace(result("b1.7"), **told, measurement=motion)
+    compared = compare(found)
+    assert (
+        compared.words == "Settles on the predicted cycle of 1.148 s (period is twice the interval, mirrored halves)."
+    )
+    assert (compared.predicted.cycle, compared.predicted.by_paper, compared.measured.converged) == (True, False, True)
+    assert abs(compared.relative_error.interval) < 1e-6
+    (one,) = prediction.orbits
+    beyond = replace(one, crossing=replace(one.crossing, delta=2.5), orbit=replace(one.orbit, delta=2.5))
+    several = replace(prediction, others=(beyond,)).about(beyond)
+    assert several.delta_crit == 2.5
+    compared = compare(replace(found, prediction=several))
+    assert "cycle of 1.148 s, the first of 2 predicted orbits" in compared.words
+    assert compared.predicted.delta_crit == prediction.delta_crit
+    fallen = replace(found, prediction=several, simulation=replace(run, outcome=Outcome("fell", 3.21, "fell")))
+    lost = replace(motion, kind="growth", p=None, period=None)
+    assert "predicted cycle of 2.5 s, the second of 2 predicted orbits" in verdict_in_words(
+        replace(fallen, measurement=lost), False
+    )
