@@ -25,7 +25,7 @@ from rerun.chunk import RrdReader
 
 from icmj.base.array import RELATIVE_ROUNDING, Array
 from icmj.base.files import whole
-from icmj.base.numbers import amount, collect_facts, relative
+from icmj.base.numbers import amount, collect_facts, ordinal, relative
 from icmj.base.numbers import eigenvalue as eigenvalue_in_words
 from icmj.base.text import one_line
 from icmj.case.comparison import COMPARED, RUN, Comparison, compare
@@ -311,7 +311,7 @@ def markdown(result: Result, compared: Comparison | None) -> str:
         else:
             mean = fact.name == "interval" and measured.kind == "noisy"  # which is not a cycle's interval
             rows.append((in_unit(fact.label, fact.unit), *three[:2], None if mean else three[2]))
-    cycle = "a limit cycle" if predicted.cycle else "no limit cycle"
+    cycle, orbits = "a limit cycle" if predicted.cycle else "no limit cycle", result.prediction.orbits
     eigenvalue = "" if predicted.eigenvalue is None else f" λ_crit = {eigenvalue_in_words(predicted.eigenvalue)};"
     lines = [
         *_head(result),
@@ -325,6 +325,8 @@ def markdown(result: Result, compared: Comparison | None) -> str:
         "",
         "## Prediction",
         f"The linear theory predicts {cycle};{eigenvalue} the orbit under the event rule: {predicted.verdict}.",
+        f"By the paper's condition: {'a limit cycle' if predicted.by_paper else 'no limit cycle'}.",
+        *(f"- {ordinal(i)} orbit: {one.words}" for i, one in enumerate(orbits) if len(orbits) > 1),
         "",
         "## Run",
         f"- outcome: the run {simulation.outcome.message}",

@@ -21,6 +21,7 @@ from icmj.base.array import Array, between
 from icmj.case.result import (
     Quantity,
     acting,
+    beside,
     curve,
     event_rows,
     latter_part,
@@ -78,8 +79,9 @@ def draw_phase(axes: Axes, case: CaseRuns, chosen: Sequence[int] = ()) -> None:
         name, shown, first = outputs[i], units[i], i == chosen[0]
         if laid is not None:
             y, v = (laid.whole(signal)[:, i] * shown.factor for signal in (laid.orbit.y, laid.rate))
-            label = {"attracting": "predicted", "repelling": "repelling orbit"}.get(
-                prediction.verdict, "not admissible"
+            verdict = beside(prediction, case.last.measurement).verdict
+            label = {"attracting": "predicted", "family": "predicted, of a family", "repelling": "repelling orbit"}.get(
+                verdict, "not admissible"
             )
             axes.plot(y, v, label=label if first else None, **style.PREDICTED)
         for plant, result in case.runs.items():

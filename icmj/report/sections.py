@@ -237,7 +237,7 @@ def _single(case: CaseRuns) -> str:
     sway = describe_sway(case.last)
     if not prediction.cycle or is_noisy(case):
         return f"{' '.join(verdicts(case))} {sway}".strip()
-    delta, plant = numbers.number(prediction.delta_crit), comparison.plant
+    delta, plant = numbers.number(comparison.predicted.delta_crit), comparison.plant
     said = (
         f"Linear theory predicts a limit cycle with an open-loop interval of {delta} s; "
         f"the run {'in MuJoCo' if plant == 'mujoco' else 'of the linear plant'} "

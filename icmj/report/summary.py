@@ -239,12 +239,25 @@ def _summary_row(case: CaseRuns) -> dict[str, Any]:
             "agrees": agrees_with_paper(case),
         },
         "runs": cells,
-        "verdicts": [*([changes] if changes else ()), *_departures(case), *verdicts(case), *_notices(case)],
+        "verdicts": [
+            *([changes] if changes else ()),
+            *_departures(case),
+            *_by_paper(case),
+            *verdicts(case),
+            *_notices(case),
+        ],
     }
 
 
 def _cycle_word(there: bool | None) -> str:
     return numbers.MISSING if there is None else "yes" if there else "none"
+
+
+def _by_paper(case: CaseRuns) -> list[str]:
+    """What the paper's condition says, where that is not what the orbits say."""
+    if case.prediction.by_paper == case.prediction.cycle:
+        return []
+    return [f"By the paper's condition: {'a limit cycle' if case.prediction.by_paper else 'no limit cycle'}."]
 
 
 def _departures(case: CaseRuns) -> list[str]:
