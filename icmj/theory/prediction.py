@@ -329,7 +329,8 @@ class Prediction(WithCard):
             rows[PREDICTION[0].label] = f"none {searched}"
             return Card(f"no Δ_crit {searched}", tuple(rows.items()))
         found = f"Δ_crit = {amount(self.delta_crit, 's')}, λ_crit = {eigenvalue(self.eigenvalue)}"
-        return Card(f"{found}, {cycle}, orbit {self.verdict}", tuple(rows.items()))
+        falls = f"{FALLS[0].upper()}{FALLS[1:]}." if FALLS in self.remarks else ""
+        return Card(f"{found}, {cycle}, orbit {self.verdict}", tuple(rows.items()), falls)
 
 
 @limit_to_one_thread()

@@ -46,6 +46,7 @@ def test_an_orbit_that_attracts_is_a_predicted_cycle_whatever_the_other_eigenval
     assert np.abs(found.multipliers).max() == pytest.approx(0.6969, abs=5e-5)
     assert not found.observer_feedback_stable
     assert any("most small starts fall" in words for words in found.remarks)
+    assert "most small starts fall" in found.card().words
     run, returns = started_beside(system, rule, found, 3)
     assert returns
     assert settled_on(found, measure(run, T_hat=system.T_hat)).orbit is found.orbit
