@@ -154,7 +154,12 @@ def verdict_in_words(result: PredictedResult, converged: bool) -> str:
         return f"No cycle predicted, because no eigenvalue leaves the unit circle at ±1 {_reach(prediction)}; {ended}."
     if not prediction.cycle:
         return f"No cycle at Δ_crit, as predicted, because {_why_no_cycle(prediction)}; {ended}."
-    return f"Does not settle on the predicted cycle{_which(prediction)}, although it attracts; {ended}."
+    attracts = "although it attracts"
+    if prediction.verdict == "family":
+        attracts = "which is one of a family of cycles beside it"
+    elif not prediction.observer_feedback_stable:
+        attracts = "which attracts only what starts near it, because continuous feedback is unstable"
+    return f"Does not settle on the predicted cycle{_which(prediction)}, {attracts}; {ended}."
 
 
 def _which(prediction: Prediction) -> str:

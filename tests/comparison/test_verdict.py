@@ -85,6 +85,9 @@ def test_a_run_on_an_orbit_that_the_paper_s_condition_excludes_is_on_a_predicted
     assert compared.predicted.delta_crit == prediction.delta_crit
     fallen = replace(found, prediction=several, simulation=replace(run, outcome=Outcome("fell", 3.21, "fell")))
     lost = replace(motion, kind="growth", p=None, period=None)
-    assert "predicted cycle of 2.5 s, the second of 2 predicted orbits" in verdict_in_words(
-        replace(fallen, measurement=lost), False
+    words = verdict_in_words(replace(fallen, measurement=lost), False)
+    assert (
+        "predicted cycle of 2.5 s, the second of 2 predicted orbits, which attracts only what starts near it" in words
     )
+    family = replace(found, prediction=replace(prediction, verdict="family"), measurement=lost)
+    assert "one of a family of cycles" in verdict_in_words(family, False)
