@@ -18,28 +18,26 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.optimize import brentq, least_squares
+from scipy.optimize import brentq
 from scipy.stats import chi2
+from scipy.stats import t as student
 
 from icmj.base.array import Array, between
 from icmj.base.process import limit_to_one_thread
-from icmj.case.case import Case, PlantKind, expect_rule, simulate
+from icmj.case.case import Case, PlantKind, Theory, expect_rule, simulate
 from icmj.cycle.cycle import find_cycle
 from icmj.errors import IcmjError, IdentificationError
-from icmj.fitting.observed import FEWEST, SETTLED, SPAN, Observed, Rhythm, Sequence, Unknown, rhythm
+from icmj.fitting.observed import EXACT, FEWEST, NEAR, SETTLED, SPAN, Observed, Rhythm, Unknown, rhythm
 from icmj.simulation.simulation import Simulation
+from icmj.theory.orbit import Orbit
 
 _POINTS = 33  # of the interval in which it is sought
 _SAME = 1e-6  # relative: a root at which the interval is not the one observed is a jump
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A value that explains the observed interval, its uncertainty due to that of the interval, and the sign."""
-
-    value: float
-    error: float
-    sign: int
+_NARROW = 1e-8  # of a cell: what is so narrow is halved no further
+_APART = 1e-4  # of a cell: what is nearer to each other is one value
+_EVEN = 1e-10  # relative: an interval that varies less is at an extremum
+_FAR = 0.3  # of the interval and of its rise: farther beyond the ends of a cell it does not bend
+_STRAIGHT = 0.1  # of the rise: so far from a straight line the interval has no extremum in between
 
 
 class Inverse:
@@ -67,33 +65,50 @@ class Inverse:
             self._known[value] = _rate(case)
         return self._known[value]
 
-    def candidates(self, rhythm: Rhythm) -> list[Candidate]:
+    def candidates(self, rhythm: Rhythm) -> list[float]:
         """Every value whose predicted cycle has this interval and, where it was observed, this sign."""
         grid = np.linspace(self.unknown.low, self.unknown.high, _POINTS)
-        return [candidate for a, b in pairwise(grid) for candidate in self._between(float(a), float(b), rhythm)]
+        found: list[float] = []
+        for a, b in pairwise(grid):
+            for value in self._between(float(a), float(b), rhythm):
+                if all(abs(value - other) > _APART * (b - a) for other in found):
+                    found.append(value)
+        return found
 
-    def _between(self, a: float, b: float, rhythm: Rhythm) -> Iterator[Candidate]:
-        (rate_a, sign_a), (rate_b, sign_b) = self.rate(a), self.rate(b)
-        if not np.isfinite(rate_a + rate_b):
-            return
-        if sign_a and sign_b and sign_a != sign_b:  # over a value that the model has right, where intervals grow
-            middle = (a + b) / 2
-            if abs(b - a) > 1e-9 * max(1.0, abs(a)):
-                yield from self._between(a, middle, rhythm)
-                yield from self._between(middle, b, rhythm)
-            return
-        sign = sign_a or sign_b
-        target = 1 / rhythm.interval
-        if not sign or (rhythm.sign and sign != rhythm.sign) or (rate_a - target) * (rate_b - target) > 0:
-            return
+    def nearest(self, rhythm: Rhythm) -> list[float]:
+        """Values of the grid at which the interval comes nearest to one from which a slow motion is still away."""
+        grid = np.linspace(self.unknown.low, self.unknown.high, _POINTS)
+        rates, signs = np.transpose([self.rate(float(value)) for value in grid])
+        off = np.where(signs * rhythm.sign < 0, np.nan, np.abs(rates * rhythm.interval - 1))
+        off = np.pad(np.nan_to_num(off, nan=np.inf), 1, constant_values=np.inf)
+        least = (off[1:-1] < NEAR) & (off[1:-1] <= off[:-2]) & (off[1:-1] < off[2:])
+        return [float(value) for value in grid[least]]
 
-        def off(value: float) -> float:
-            rate = self.rate(value)[0]
-            return (rate if np.isfinite(rate) else 0.0) - target
+    def _between(self, a: float, b: float, rhythm: Rhythm, part: float = 1.0) -> Iterator[float]:
+        """The values in a ``part`` of a cell, halved where the interval does not run nearly straight through it.
 
-        value = float(brentq(off, a, b, xtol=1e-12, rtol=1e-14))
-        if abs(off(value)) < _SAME * target:
-            yield Candidate(value, self._error(value, rhythm, b - a), sign)
+        So are found the ends of the region where a cycle attracts, jumps of Δ_crit, values that the model has right,
+        where intervals grow, and extrema, with what lies beside each of them.
+        """
+        target, middle, narrow = 1 / rhythm.interval, (a + b) / 2, part < _NARROW
+        (first, sign), (last, other) = self.rate(a), self.rate(b)
+        smooth = np.isfinite(first + last) and sign == other
+        if smooth:
+            rise, missed = abs(last - first), max(min(first, last) - target, target - max(first, last))
+            if not sign or sign == -rhythm.sign or missed > _FAR * (5 * rise + part * target):
+                return
+            bend = abs(self.rate(middle)[0] - (first + last) / 2)
+            if missed > 2 * bend + _EVEN * target:
+                return
+            if narrow or bend <= _STRAIGHT * rise + _EVEN * target:
+                if (first - target) * (last - target) <= 0:
+                    middle = float(brentq(lambda at: np.nan_to_num(self.rate(at)[0]) - target, a, b, xtol=1e-12))
+                if abs(self.rate(middle)[0] - target) < _SAME * target:
+                    yield middle
+                return
+        if not narrow and (smooth or np.isfinite([first, last, self.rate(middle)[0]]).any()):
+            yield from self._between(a, middle, rhythm, part / 2)
+            yield from self._between(middle, b, rhythm, part / 2)
 
     def slope(self, value: float, step: float) -> float:
         """dΔ_crit/dvalue [s]; infinite where there is no cycle beside it."""
@@ -102,29 +117,22 @@ class Inverse:
             return float("inf")
         return (1 / rates[0] - 1 / rates[1]) / (2 * step)
 
-    def _error(self, value: float, rhythm: Rhythm, width: float) -> float:
-        slope = self.slope(value, 1e-4 * width)
-        return 0.0 if not np.isfinite(slope) else rhythm.error / abs(slope) if slope else float("inf")
 
-
-def refine_candidate(inverse: Inverse, candidate: Candidate, rhythm: Rhythm) -> Candidate:
-    """The candidate by the exact cycle of the engine's loop, not the linear theory's; as it is, if there is none."""
-    value = candidate.value
+def refine_fit(inverse: Inverse, fit: Fit) -> Fit:
+    """The fit by the exact cycle of the engine's loop, not the linear theory's; as it is, if there is none."""
+    value, interval = fit.value, 1 / inverse.rate(fit.value)[0]
     try:
         for _ in range(3):
-            case = inverse.unknown.case(value)
-            if case is None:
-                return candidate
-            missing = rhythm.interval - find_cycle(case, "mujoco").interval
-            slope = inverse.slope(value, 1e-5)
-            if not np.isfinite(slope) or slope == 0:
-                return candidate
+            case, slope = inverse.unknown.case(value), inverse.slope(value, 1e-5)
+            if case is None or not np.isfinite(slope) or slope == 0:
+                return fit
+            missing = interval - find_cycle(case, "mujoco").interval
             value += missing / slope
-            if abs(missing) < max(1e-10 * rhythm.interval, 0.01 * rhythm.error):
+            if abs(missing) < max(1e-10 * interval, 0.01 * fit.error * abs(slope)):
                 break
     except IcmjError:
-        return candidate
-    return Candidate(value, candidate.error, candidate.sign)
+        return fit
+    return replace(fit, value=value)
 
 
 def _rate(case: Case | None) -> tuple[float, int]:
@@ -140,7 +148,10 @@ def _rate(case: Case | None) -> tuple[float, int]:
 
 LEVEL = 0.002
 """Probability below which nothing fits; so often is a motion refused that the run file describes."""
-_TURNS = 12  # intervals from the predicted orbit on, which the engine's loop needs to come to its own
+_STEP = 1e-4  # of the unit of each number: differences that are derivatives
+_TRIES = 30
+_MANY = 64  # intervals, of which half are enough
+_SMALL = 1e-5  # of the sum of squares, and of the variance of an error: what another step has to win
 _PHASES = 48  # at which the predicted motion is laid first
 
 
@@ -178,141 +189,184 @@ class Agreement:
         )
 
 
-def agreement(unknown: Unknown, value: float, observed: Observed, found: Rhythm, plant: PlantKind) -> Agreement:
-    """Agreement of a settled motion with the cycle that a value of the unknown predicts on ``plant``.
+@dataclass(frozen=True)
+class Fit:
+    """The best value near a first one.
 
-    Its rhythm is free, for the value was taken from it; scatter of the times, amplitude and shape are compared.
+    Attributes:
+        value, error: the value, and the half width of its 95 % confidence; infinite where nothing depends on it.
+        cost: sum of squares of what is left, in standard deviations of the errors.
+        off: root mean square of what is left of the times of events, in mean intervals; 0 of samples.
+        agreement: that of the motion.
     """
-    if len(observed.times) and not observed.outputs.shape[1]:
-        return _told(*_scatter(observed, found))
-    runs = _simulate(unknown, value, observed, found, plant)
-    compare = _at_events if len(observed.times) else _of_samples
-    fits = [compare(run, observed, found) for run in runs if len(run.events) > 3]
-    return max(fits, key=lambda each: each.probability, default=Agreement(0.0, predicted=(np.nan,)))
+
+    value: float
+    error: float
+    cost: float
+    off: float
+    agreement: Agreement
 
 
-def agreement_of_sequence(unknown: Unknown, value: float, observed: Observed, plant: PlantKind) -> Agreement:
-    """Agreement of all events since a known start with the predicted ones, by times and outputs."""
-    scale = float(np.mean(observed.intervals))
-    case = unknown.case(value, None, **{"simulation.duration": observed.duration + scale})
-    try:
-        run = None if case is None else simulate(case, plant)
-    except IcmjError:
-        run = None
-    count = len(observed.times)
-    if run is None or len(run.events) < count:
-        return Agreement(0.0, predicted=(np.nan,))
-    timing = max(observed.jitter, SETTLED * scale)
-    off = observed.times - run.events.t[:count]
-    square, freedom = float(np.sum((off / timing) ** 2)), count - 1
-    y = observed.outputs
-    if not y.shape[1]:
-        return _told(square, freedom)
-    seen = Observed.of_simulation(run).outputs[:count, : y.shape[1]]
-    peak = np.abs(run.y).max(axis=0)[: y.shape[1]]
-    rate = np.column_stack([np.interp(observed.times, run.t, each) for each in np.gradient(run.y, run.t, axis=0).T])
-    sigma = np.maximum(np.hypot(observed.unsure(peak), timing * rate[:, : y.shape[1]]), 1e-12 * peak + 1e-300)
-    square += float(np.sum(((y - seen) / sigma) ** 2))
-    relative = float(np.sqrt(np.sum((y - seen) ** 2) / np.sum(y**2)))
-    peaks = {"observed": tuple(np.abs(y).max(axis=0)), "predicted": tuple(np.abs(seen).max(axis=0))}
-    return _told(square, freedom + y.size, off=relative, **peaks)
+class Course:
+    """The simulated motion for a value, laid on the observed one by least squares.
+
+    From a known start on, nothing but the value is free. Else the motion begins at an event near the predicted orbit:
+    its time is free, and the state after it, and with it the part of each multiplier in what is observed. What the
+    motion does not tell of this state is held near the orbit, by a standard deviation of the size of the orbit.
+    """
+
+    def __init__(self, unknown: Unknown, observed: Observed, plant: PlantKind, found: Rhythm | None = None) -> None:
+        self._unknown, self._plant, self._observed = unknown, plant, observed
+        self._whole, self._events = found is None, len(observed.times) > 0
+        if self._events:
+            first = 0 if found is None else -(found.count + 1)
+            self._t, self._y = observed.times[first:], observed.outputs[first:]
+        else:
+            kept = between(observed.t, observed.t[-1] - SPAN * (observed.t[-1] - observed.t[0]))
+            self._t, self._y = observed.t[kept], observed.y[kept]
+        self._interval = found.interval if found else float(np.mean(observed.intervals))
+        self._exact = max(observed.jitter, EXACT * self._interval)
+        # events need not come more evenly than a rhythm that has settled
+        self._loose = max(observed.jitter, SETTLED * self._interval) if self._events else observed.jitter
+        self._like: Case | None = None
+        self._ran: tuple[tuple[float, ...], Simulation | None] = ((), None)
+
+    def fit(self, value: float, counts: tuple[int, ...] = ()) -> Fit | None:
+        """The best value near this one, from the first ``counts`` events, and then from all that was observed."""
+        best: Fit | None = None
+        for count in (*(each for each in counts if each < len(self._t)), len(self._t)):
+            best = self._least(*self._start(best.value if best else value, count), count)
+            if best is None:
+                return None
+        return best
+
+    def distance(self, value: float, count: int) -> float:
+        """Sum of squares of the first ``count`` events since a known start, in mean intervals."""
+        left = self._left(np.array([value]), 1, count)
+        return float(count) if left is None else float(np.sum((left[0] * self._exact / self._interval) ** 2))
+
+    def _start(self, value: float, count: int) -> tuple[Array, int]:
+        """The value with what is free beside it, time of the first event and state, and the side that is nearer."""
+        near = None if self._whole else self._near(value)
+        if near is None:
+            return np.array([value]), 1
+        back = np.zeros(1) if self._events else np.arange(0.25, 1.25, 1 / _PHASES)
+        begins = [np.array([value, self._t[0] - each * self._interval, *0 * near[2].x_bar]) for each in back]
+        choices = ((begin, side) for side in (1, -1) for begin in begins)
+        return min(choices, key=lambda each: self._cost(self._vector(each[0], each[1], count)))
+
+    def _near(self, value: float) -> tuple[Case, Theory, Orbit] | None:
+        case = self._case(value)
+        if case is None or case.theory is None or case.theory.prediction.orbit is None:
+            return None
+        return case, case.theory, case.theory.prediction.orbit
+
+    def _case(self, value: float, **changes: Any) -> Case | None:
+        case = self._unknown.case(value, self._like, **changes)
+        self._like = case or self._like
+        return case
+
+    def _simulate(self, at: Array, side: int, count: int) -> Simulation | None:
+        """The motion for a value, from the known start, or from a state right after an event at t = 0."""
+        key = (at[0], *at[2:], side, count)
+        if self._ran[0] != key:
+            try:
+                self._ran = key, self._run(at[0], side * at[2:], side, count)
+            except IcmjError:
+                self._ran = key, None
+        return self._ran[1]
+
+    def _run(self, value: float, state: Array, side: int, count: int) -> Simulation | None:
+        if self._whole:
+            # where intervals are longer the same number of events takes longer
+            duration = 1.1 * float(self._t[count - 1] - self._observed.begin) + 2 * self._interval
+            case = self._case(value, **{"simulation.duration": duration})
+            return None if case is None else simulate(case, self._plant)
+        if (near := self._near(value)) is None:
+            return None
+        case, theory, orbit = near
+        step = min(case.settings.record_interval, self._interval / 200)
+        case = replace(case, settings=replace(case.settings, disturbance=(), record_interval=step))
+        start = theory.system.start(side * orbit.x_bar + _sizes(orbit) * state)
+        length = float(self._t[count - 1] - self._t[0]) + 2.5 * self._interval
+        return simulate(case, self._plant, start=start, duration=length)
+
+    def _left(self, at: Array, side: int, count: int) -> tuple[Array, Array, Array, Array] | None:
+        """What is left of times and outputs, in standard deviations, and the predicted outputs and their peaks."""
+        run = self._simulate(at, side, count)
+        if run is None or len(run.t) < 4:
+            return None
+        when, times = self._t[:count] - (0.0 if self._whole else at[1]), np.zeros(0)
+        if self._events:
+            events = run.events.t if self._whole else np.append(0.0, run.events.t)
+            if len(events) < count:
+                return None
+            times, when = (when - events[:count]) / self._exact, events[:count]
+        y = self._y[:count]
+        curve = CubicSpline(run.t, run.y[:, : y.shape[1]])
+        # not of what comes before: errors in proportion to it would explain anything
+        peak, seen = np.abs(run.y[run.t >= min(when[0], run.t[-1])]).max(axis=0)[: y.shape[1]], curve(when)
+        sigma = np.hypot(self._observed.unsure(peak), self._loose * curve(when, 1))
+        return times, (y - seen) / np.maximum(sigma, 1e-12 * peak + 1e-300), seen, peak
+
+    def _vector(self, at: Array, side: int, count: int) -> Array | None:
+        left = self._left(at, side, count)
+        return None if left is None else np.concatenate([left[0], left[1].ravel(), at[2:]])
+
+    @staticmethod
+    def _cost(left: Array | None) -> float:
+        return np.inf if left is None else float(left @ left)
+
+    def _least(self, at: Array, side: int, count: int) -> Fit | None:
+        """Steps of Gauss and Newton, halved where they lead up, until the next is small beside the errors."""
+        unit = np.full(len(at), 0.1)
+        unit[:2] = np.array([1e-2 * (self._unknown.high - self._unknown.low), 1e-2 * self._interval])[: len(at)]
+        left = self._vector(at, side, count)
+        for _ in range(_TRIES):
+            if left is None:
+                return None
+            moved = [self._vector(at + step, side, count) for step in np.diag(_STEP * unit)]
+            slopes = np.column_stack([(each - left) / _STEP if each is not None else 0 * left for each in moved])
+            step = np.linalg.lstsq(slopes, -left, rcond=None)[0]
+            if np.sum((slopes @ step) ** 2) < _SMALL + _SMALL * (left @ left):
+                break
+            for part in 0.5 ** np.arange(8):
+                there = at + part * step * unit
+                there[0] = np.clip(there[0], self._unknown.low, self._unknown.high)
+                further = self._vector(there, side, count)
+                if self._cost(further) < self._cost(left):
+                    break
+            else:
+                break
+            at, left = there, further
+        found = self._left(at, side, count)
+        if found is None:
+            return None
+        times, outputs, seen, peak = found
+        # what the value alone does, and how many numbers the motion has told
+        own, others = slopes[:, 0], slopes[:, 1:]
+        told = float(np.linalg.norm(own - others @ np.linalg.lstsq(others, own, rcond=None)[0]))
+        known = float(np.sum(np.linalg.qr(slopes)[0][: times.size + outputs.size] ** 2))
+        spare = max(times.size - known, 1.0)
+        off = float(np.sqrt(np.sum(times**2) / spare)) if times.size else 0.0
+        error = unit[0] / told * max(1.96, float(student.ppf(0.975, spare)) * off) if told > 0 else np.inf
+        square = float(np.sum((times * self._exact / max(self._loose, self._exact)) ** 2) + np.sum(outputs**2))
+        more: dict[str, Any] = {}
+        if outputs.size:
+            y = self._y[:count]
+            more = {"off": float(np.sqrt(np.sum((y - seen) ** 2) / np.sum(y**2)))}
+            more |= {
+                "observed": tuple(np.abs(y).max(axis=0)),
+                "predicted": tuple(peak if not times.size else np.abs(seen).max(axis=0)),
+            }
+        how = Agreement(float(chi2.sf(square, max(times.size + outputs.size - known, 1.0))), **more)
+        return Fit(float(at[0]), float(error), self._cost(left), off * self._exact / self._interval, how)
 
 
-def _simulate(
-    unknown: Unknown, value: float, observed: Observed, found: Rhythm, plant: PlantKind
-) -> tuple[Simulation, ...]:
-    """The motion from the run file's start if that is known, else from the predicted orbit or its mirror image."""
-    try:
-        if observed.whole:
-            case = unknown.case(value, None, **{"simulation.duration": observed.duration + found.interval / 2})
-            return () if case is None else (simulate(case, plant),)
-        step = min(unknown.run.simulation.settings().record_interval, found.interval / 200)
-        changes: dict[str, Any] = {"simulation.disturbance": [], "simulation.record_interval": step}
-        case = unknown.case(value, None, **changes)
-        theory = None if case is None else case.theory
-        if case is None or theory is None or theory.prediction.orbit is None:
-            return ()
-        parts = theory.system.start(theory.prediction.orbit.x_bar)
-        mirrored = tuple(-part for part in parts)
-        length = (_TURNS + 0.5) * theory.prediction.orbit.delta
-        return tuple(simulate(case, plant, start=start, duration=length) for start in (parts, mirrored))
-    except IcmjError:
-        return ()
-
-
-def _scatter(observed: Observed, found: Rhythm) -> tuple[float, int]:
-    """Sum of squares about even times, and its degrees of freedom."""
-    times = observed.times[-(found.count + 1) :]
-    k = np.arange(len(times))
-    left = times - np.polyval(np.polyfit(k, times, 1), k)
-    sigma = max(observed.jitter, SETTLED * found.interval)
-    return float(np.sum(left**2)) / sigma**2, len(times) - 2
-
-
-def _told(square: float, freedom: int, **more: object) -> Agreement:
-    return Agreement(float(chi2.sf(square, max(freedom, 1))), **more)  # type: ignore[arg-type]
-
-
-def _at_events(run: Simulation, observed: Observed, found: Rhythm) -> Agreement:
-    """Outputs at the settled events, separately for even and odd events."""
-    y = observed.outputs[-(found.count + 1) :]
-    wave = _Wave(run)
-    peak = wave.peak[: y.shape[1]]
-    timing = max(observed.jitter, SETTLED * found.interval)
-    square, freedom = _scatter(observed, found)
-    best = None
-    for turn in (0.0, wave.period / 2):
-        at = wave.end - turn - np.arange(len(y))[::-1] * wave.period / 2
-        expected, rate = wave.at(at)[:, : y.shape[1]], wave.at(at, 1)[:, : y.shape[1]]
-        sigma = np.maximum(np.hypot(observed.unsure(peak), timing * rate), 1e-12 * peak + 1e-300)
-        of_outputs = float(np.sum(((y - expected) / sigma) ** 2))
-        if best is None or of_outputs < best[0]:
-            best = of_outputs, float(np.sqrt(np.sum((y - expected) ** 2) / np.sum(y**2)))
-    assert best is not None
-    seen = tuple(np.abs(y).max(axis=0))
-    expected = np.abs(wave.at(wave.end - np.arange(2) * wave.period / 2)[:, : y.shape[1]]).max(axis=0)
-    return _told(square + best[0], freedom + y.size, off=best[1], observed=seen, predicted=tuple(expected))
-
-
-def _of_samples(run: Simulation, observed: Observed, found: Rhythm) -> Agreement:
-    """Outputs over the last part of the record, with the rhythm and the phase that fit best."""
-    kept = between(observed.t, observed.t[-1] - SPAN * (observed.t[-1] - observed.t[0]))
-    t, y = observed.t[kept], observed.y[kept]
-    wave = _Wave(run)
-    unsure, middle = observed.unsure(wave.peak), (t[0] + t[-1]) / 2
-
-    def left(at: Array) -> Array:
-        """Residuals of the outputs in standard deviations, for a phase and the log of a factor on the interval."""
-        speed = wave.period / (2 * found.interval) * np.exp(at[1])
-        place = at[0] + (t - middle) * speed
-        rate = wave.at(place, 1) * speed
-        sigma = np.maximum(np.hypot(unsure, observed.jitter * rate), 1e-12 * wave.peak + 1e-300)
-        return ((y - wave.at(place)) / sigma).ravel()
-
-    phases = wave.period * np.arange(_PHASES) / _PHASES
-    first = min(phases, key=lambda phase: float(np.sum(left(np.array([phase, 0.0])) ** 2)))
-    slack = max(0.02, found.error / found.interval)
-    best = least_squares(left, [first, 0.0], bounds=([-np.inf, -slack], [np.inf, slack]), x_scale=[wave.period, 0.01])
-    place = best.x[0] + (t - middle) * wave.period / (2 * found.interval) * np.exp(best.x[1])
-    off = float(np.sqrt(np.sum((y - wave.at(place)) ** 2) / np.sum(y**2)))
-    seen = tuple(np.abs(y).max(axis=0))
-    return _told(float(np.sum(best.fun**2)), y.size - 2, off=off, observed=seen, predicted=tuple(wave.peak))
-
-
-class _Wave:
-    """The outputs over the last two open-loop intervals of a run, repeated before and after."""
-
-    def __init__(self, run: Simulation) -> None:
-        begin, self.end = float(run.events.t[-3]), float(run.events.t[-1])
-        rows = (run.t >= begin) & (run.t <= self.end)
-        self.period = self.end - begin
-        self._curve = CubicSpline(run.t[rows], run.y[rows])
-        self._begin = begin
-        self.peak = np.abs(run.y[rows]).max(axis=0)
-
-    def at(self, t: Array, derivative: int = 0) -> Array:
-        """Outputs, or their rates, shapes (N,) → (N, n_y)."""
-        return np.asarray(self._curve(self._begin + np.mod(t - self._begin, self.period), derivative))
+def _sizes(orbit: Orbit) -> Array:
+    """The largest magnitude on the orbit of each entry of x̄."""
+    size = np.abs(orbit.X).max(axis=0)[: len(orbit.x_bar)]
+    return np.asarray(np.maximum(size, 1e-3 * size.max()))
 
 
 Way = Literal["rhythm", "sequence", "none"]
@@ -329,7 +383,7 @@ class Identification:
         value: best value, or ``None`` if the motion does not determine it.
         intervals: the 95 % confidence set: one pair (low, high), or several if branches cannot be distinguished; empty
             if the motion does not determine the value.
-        way: the method: the settled ``rhythm``, the ``sequence`` of events since the start, or ``none``.
+        way: the method: the ``rhythm`` of a cycle, the ``sequence`` of events since the start, or ``none``.
         words: a description in words.
         probability: probability that a motion with the best value, because of errors of times and readings, would agree
             less well with its own prediction than the observed motion does; ``None`` if nothing was compared. Below
@@ -361,9 +415,9 @@ def identify(
 ) -> Identification:
     """Estimate one model error and its uncertainty from a motion, or report that the motion does not determine it.
 
-    The estimate is the value whose cycle has the settled interval and sign; if the motion has not settled and its start
-    is known, it is the value whose simulated events are those observed. What moves under noise has no such interval:
-    :func:`icmj.fit` infers its parameters.
+    From a known start, the estimate is the value whose simulated events are those observed. Else it is the value whose
+    predicted orbit the motion is on, or approaches: the motion is simulated from an event near it. What moves under
+    noise has no such orbit: :func:`icmj.fit` infers its parameters.
 
     Args:
         unknown: the parameter to be identified, and the run file with everything that is known.
@@ -399,67 +453,80 @@ def _identify(
         return _cannot(
             unknown, f"every interval is the least one, {least:g} s: the event rule does not determine the events"
         )
-    if found is not None:
-        inverse = known if known is not None and known.reaches(found.interval) else Inverse.up_to(unknown, found)
-        candidates = inverse.candidates(found)
-        if plant == "mujoco" and refine:
-            candidates = [refine_candidate(inverse, each, found) for each in candidates]
-        if candidates:
-            return _from_rhythm(inverse.unknown, observed, found, candidates, plant)
-    if observed.whole and len(observed.times) >= FEWEST - 2:
-        return _from_sequence(unknown, observed, plant)
-    if found is not None:
+    whole = observed.whole and len(observed.times) >= FEWEST - 2
+    if found is None and not whole:
+        why = "a set-point moves it" if unknown.run.setpoint else "the motion does not settle"
+        return _cannot(unknown, f"{why}; its initial state is not known, and the run file has no noise to explain it")
+    inverse = known
+    if found is not None and (inverse is None or not inverse.reaches(found.interval)):
+        inverse = Inverse.up_to(unknown, found)
+    if whole:
+        values = inverse.candidates(found) if inverse and found else []
+        return _from_sequence(unknown, observed, plant if refine else "linear", values)
+    assert inverse is not None
+    assert found is not None
+    return _from_rhythm(inverse, observed, found, plant == "mujoco" and refine)
+
+
+def _from_rhythm(inverse: Inverse, observed: Observed, found: Rhythm, refine: bool) -> Identification:
+    unknown = inverse.unknown
+    fits: list[Fit] = []
+    for search in (inverse.candidates, inverse.nearest):
+        for like, value in ((each, value) for each in found.readings for value in search(each)):
+            fit = Course(unknown, observed, "linear", like).fit(value)
+            while not (fit and fit.agreement.fits) and like.count > _MANY:  # the later, the nearer to the cycle
+                like = replace(like, count=like.count // 2)
+                fit = Course(unknown, observed, "linear", like).fit(value)
+            if fit and all(abs(fit.value - other.value) > fit.error + other.error for other in fits):
+                fits.append(fit)
+        if any(fit.agreement.fits for fit in fits):
+            break
+    if not fits:
         return _cannot(
             unknown,
             f"no value between {unknown.low:g} and {unknown.high:g} predicts an attracting cycle with an interval of "
             f"{found.interval:.6g} s",
         )
-    why = "a set-point moves it" if unknown.run.setpoint else "the motion does not settle"
-    return _cannot(unknown, f"{why}; its initial state is not known, and the run file has no noise to explain it")
-
-
-def _from_rhythm(
-    unknown: Unknown, observed: Observed, found: Rhythm, candidates: list[Candidate], plant: PlantKind
-) -> Identification:
-    if len(candidates) > 1 and observed.whole:
-        sequence = Sequence(unknown, observed, plant)
-        count = min(len(observed.times), 6)
-        off = [float(np.sum(sequence.residuals(each.value, count, plant) ** 2)) for each in candidates]
-        candidates = [candidates[int(np.argmin(off))]]
-    if any(not np.isfinite(each.error) for each in candidates):
+    if any(fit.agreement.fits and fit.error > unknown.high - unknown.low for fit in fits):
         return _cannot(unknown, f"the interval does not depend on {unknown.name} here")
-    agreements = [agreement(unknown, each.value, observed, found, plant) for each in candidates]
-    nearest = max(agreements, key=lambda each: each.probability)
-    if not nearest.fits:
-        best = candidates[agreements.index(nearest)]
+    nearest = max(fits, key=lambda fit: fit.agreement.probability)
+    if not nearest.agreement.fits:
         return _nothing_fits(
-            unknown, f"{unknown.name} = {best.value:.5g} gives the rhythm, but {nearest.words}", nearest
-        )
-    candidates = [each for each, how in zip(candidates, agreements, strict=True) if how.fits]
-    best = candidates[0]
-    intervals = tuple((each.value - each.error, each.value + each.error) for each in candidates)
-    values = " or ".join(f"{each.value:.6g} ± {each.error:.1g}" for each in candidates)
-    sign = {1: ", not mirrored", -1: ", mirrored", 0: ""}[found.sign]
-    words = f"{unknown.name} = {values}, from a settled interval of {found.interval:.7g} s{sign}."
-    if len(candidates) > 1:
-        words += " These data do not distinguish the branches; outputs at the events, or a known initial state, would."
-    if not nearest.predicted:
-        words += " Amplitude and shape were not observed; only the regularity of the events could be compared."
-    value = best.value if len(candidates) == 1 else None
-    return _complete(unknown, value, intervals, "rhythm", words, nearest.probability)
-
-
-def _from_sequence(unknown: Unknown, observed: Observed, plant: PlantKind) -> Identification:
-    fit = Sequence(unknown, observed, plant).fit()
-    if fit.residual <= _BAD_FIT and not np.isfinite(fit.error):
-        return _cannot(unknown, f"the events do not depend on {unknown.name} here")
-    if fit.residual > _BAD_FIT:
-        return _cannot(
             unknown,
-            f"no value between {unknown.low:g} and {unknown.high:g} gives these events: the best one is off by "
-            f"{100 * fit.residual:.2g} % of an interval",
+            f"{unknown.name} = {nearest.value:.5g} gives the rhythm, but {nearest.agreement.words}",
+            nearest.agreement,
         )
-    how = agreement_of_sequence(unknown, fit.value, observed, plant)
+    fits = [fit for fit in fits if fit.agreement.fits]
+    if refine:
+        fits = [refine_fit(inverse, fit) for fit in fits]
+    intervals = tuple((fit.value - fit.error, fit.value + fit.error) for fit in fits)
+    shown = " or ".join(f"{fit.value:.6g} ± {fit.error:.1g}" for fit in fits)
+    rate, sign = inverse.rate(fits[0].value)
+    turned = ("", ", not mirrored", ", mirrored")[sign if found.sign else 0]
+    words = f"{unknown.name} = {shown}, from a settled interval of {1 / rate:.7g} s{turned}."
+    if len(fits) > 1:
+        words += " These data do not distinguish the branches; outputs at the events, or a known initial state, would."
+    if not nearest.agreement.predicted:
+        words += " Amplitude and shape were not observed; only the regularity of the events could be compared."
+    only = fits[0].value if len(fits) == 1 else None
+    return _complete(unknown, only, intervals, "rhythm", words, nearest.agreement.probability)
+
+
+def _from_sequence(unknown: Unknown, observed: Observed, plant: PlantKind, values: list[float]) -> Identification:
+    course, few = Course(unknown, observed, plant), min(FEWEST - 1, len(observed.times))
+    fits = [fit for value in values if (fit := course.fit(value, (2 * few,)))]
+    if not any(fit.off <= _BAD_FIT for fit in fits):
+        # later events are too far off where the value is
+        start = Course(unknown, observed, "linear")
+        value = min(np.linspace(unknown.low, unknown.high, _POINTS), key=lambda at: start.distance(at, few))
+        fits += [fit] if (fit := course.fit(value, tuple(few * 2**k for k in range(12)))) else []
+    fit = min(fits, key=lambda fit: fit.cost, default=None)
+    if fit is None or fit.off > _BAD_FIT:
+        off = "" if fit is None else f": the best one is off by {100 * fit.off:.2g} % of an interval"
+        return _cannot(unknown, f"no value between {unknown.low:g} and {unknown.high:g} gives these events{off}")
+    if fit.error > unknown.high - unknown.low:
+        return _cannot(unknown, f"the events do not depend on {unknown.name} here")
+    how = fit.agreement
     if not how.fits:
         return _nothing_fits(unknown, f"{unknown.name} = {fit.value:.5g} fits the events best, but {how.words}", how)
     words = f"{unknown.name} = {fit.value:.6g} ± {fit.error:.1g}, from {len(observed.times)} events since the start."

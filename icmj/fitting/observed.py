@@ -6,8 +6,6 @@ in memory, or in files.
 The rhythm of a settled motion: its open-loop interval, and whether it is mirrored, from events or outputs.
 
 The unknown: one field of the run file, or a named change, between two bounds.
-
-Identification from all events since a known start, by least squares on simulated events.
 """
 
 from __future__ import annotations
@@ -19,12 +17,11 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline, make_splrep
-from scipy.optimize import least_squares, minimize_scalar
-from scipy.stats import t as student
+from scipy.optimize import minimize_scalar
 
-from icmj.base.array import Array, between, leading
+from icmj.base.array import Array, leading
 from icmj.base.files import open_file
-from icmj.case.case import Case, PlantKind, expect_theory, prepare, simulate
+from icmj.case.case import Case, expect_theory, prepare
 from icmj.errors import DataError, IcmjError, IdentificationError
 from icmj.plant.body import Change
 from icmj.runfile.schema import RunFile
@@ -202,8 +199,9 @@ def _single_column(path: Path) -> list[float] | None:
 
 
 SETTLED = 1e-3  # relative: intervals that agree so well have settled
+NEAR = 0.1  # relative: intervals that agree so well may be on their way to a cycle
 _LEAST = 3  # of them
-_EXACT = 1e-9  # relative: no interval is known better
+EXACT = 1e-9  # relative: no interval is known better
 _FAR = 10.0  # standard deviations of the error of a time: intervals differ by no more for it
 _CLOSED = 0.02  # of the size of the output: what may be left of a motion that repeats itself
 _NEAR = 0.5  # the same between two shifts that are looked at
@@ -212,19 +210,26 @@ SPAN = 0.4  # part of the record over which it has to
 
 @dataclass(frozen=True)
 class Rhythm:
-    """A settled motion.
+    """A motion that has settled, or nearly.
 
     Attributes:
         interval: open-loop interval [s].
-        error: half width of its 95 % confidence [s].
         sign: +1; −1 if each interval mirrors the one before; 0 where that was not observed.
-        count: intervals that it is taken from.
+        count: intervals that are near to it.
+        sampled: whether it is the shift after which outputs repeat themselves.
     """
 
     interval: float
-    error: float
     sign: int
     count: int
+    sampled: bool = False
+
+    @property
+    def readings(self) -> tuple[Rhythm, ...]:
+        """What it may be: outputs that repeat themselves are mirrored twice, where half of it does not repeat yet."""
+        if not self.sampled or self.sign < 0:
+            return (self,)
+        return self, replace(self, interval=self.interval / 2, sign=-1)
 
 
 def rhythm(observed: Observed) -> Rhythm | None:
@@ -239,20 +244,14 @@ def _rhythm_of_events(observed: Observed) -> Rhythm | None:
     # from the end on, as long as they agree with the last ones
     for first in range(len(intervals) - _LEAST, -1, -1):
         tail = intervals[first:]
-        if np.ptp(tail) > SETTLED * tail.mean() + slack:
+        if np.ptp(tail) > NEAR * tail.mean() + slack:
             break
         good = len(tail)
     if not good:
         return None
-    # the later half, to be as near to the cycle as may be
-    n = max(_LEAST, good // 2)
-    tail = intervals[len(intervals) - n :]
-    # errors of times move an interval and the next in opposite ways, and leave in the mean those of the ends
-    timing = 2 * observed.jitter**2
-    scatter = student.ppf(0.975, n - 1) * np.sqrt(max(tail.var(ddof=1) - timing, 0.0) / n)
-    error = np.hypot(scatter, 1.96 * np.sqrt(timing) / n)
-    error = max(float(error), _EXACT * float(tail.mean()))
-    return Rhythm(float(tail.mean()), error, _sign(observed.outputs), n)
+    # the later half, to be as near to the cycle as may be; of a mirrored one intervals may alternate
+    n = max(_LEAST, 2 * (good // 4))
+    return Rhythm(float(intervals[-n:].mean()), _sign(observed.outputs), good)
 
 
 def _sign(outputs: Array) -> int:
@@ -288,14 +287,7 @@ def _rhythm_of_samples(observed: Observed) -> Rhythm | None:
     if not found:
         return None
     shift, sign = min(found)
-    # from two halves of the part, how well it is known
-    half = [minimize_scalar(_part(curve, a, sign), bounds=(0.98 * shift, 1.02 * shift), method="bounded").x
-            for a in np.split(at, 2)]  # fmt: skip
-    count = np.sum(between(t, end - span)) * y.shape[1]
-    known = 1.96 * left_over * size / (rate * np.sqrt(count))
-    return Rhythm(
-        shift, float(max(np.hypot(half[0] - half[1], known), _EXACT * shift)), sign, max(1, int(span / shift))
-    )
+    return Rhythm(shift, sign, max(1, int(span / shift)), sampled=True)
 
 
 def _smooth(t: Array, y: Array) -> CubicSpline:
@@ -394,74 +386,3 @@ class Unknown:
         case = prepare(self.at((self.low + self.high) / 2))
         expect_theory(case, "identification")
         return case
-
-
-_SEQUENCE_POINTS = 41  # of the interval in which it is sought
-_FIRST = 3  # events that are compared there: later ones are too far off where the value is
-_LATE = 1.0  # residual of an event that does not come, in mean intervals
-
-
-@dataclass(frozen=True)
-class SequenceFit:
-    """The best value, the half width of its 95 % confidence, and the residual of an event in mean intervals."""
-
-    value: float
-    error: float
-    residual: float
-
-
-class Sequence:
-    """The simulated events for a value, compared with the observed ones."""
-
-    def __init__(self, unknown: Unknown, observed: Observed, plant: PlantKind) -> None:
-        self._unknown, self._times, self._plant = unknown, observed.times, plant
-        self._scale = float(np.mean(observed.intervals))
-        self._like: Case | None = None
-
-    def residuals(self, value: float, count: int, plant: PlantKind) -> Array:
-        """The error of each of the first ``count`` events, in mean intervals."""
-        times = self._times[:count]
-        duration = float(times[-1] + self._scale)
-        case = self._unknown.case(value, self._like, **{"simulation.duration": duration})
-        if case is None:
-            return np.full(count, _LATE)
-        self._like = case
-        try:
-            found = simulate(case, plant).events.t[:count]
-        except IcmjError:
-            return np.full(count, _LATE)
-        off = np.full(count, _LATE)
-        off[: len(found)] = (found - times[: len(found)]) / self._scale
-        return off
-
-    def fit(self) -> SequenceFit:
-        """The value whose events are nearest to those observed."""
-        grid = np.linspace(self._unknown.low, self._unknown.high, _SEQUENCE_POINTS)
-        count = min(_FIRST, len(self._times))
-        coarse = [float(np.sum(self.residuals(float(value), count, "linear") ** 2)) for value in grid]
-        best = int(np.argmin(coarse))
-        low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-        value = self._least(float(grid[best]), count, low, high).x[0]
-        # one event more and the next: each is where it is, and closer told, from what the ones before it told
-        found = None
-        for more in sorted({min(2 * count, len(self._times)), len(self._times)}):
-            found = self._least(value, more, low, high, self._plant)
-            value = found.x[0]
-        assert found is not None
-        n = len(found.fun)
-        size = float(np.sqrt(np.sum(found.fun**2) / max(n - 1, 1)))
-        slope = float(np.linalg.norm(found.jac))
-        size = max(size, 1e-9)  # as far as times of events are exact
-        error = size / slope * float(student.ppf(0.975, max(n - 1, 1))) if slope > 0 else float("inf")
-        return SequenceFit(float(value), error, size)
-
-    def _least(self, value: float, count: int, low: float, high: float, plant: PlantKind = "linear"):  # type: ignore[no-untyped-def]
-        return least_squares(
-            lambda at: self.residuals(float(at[0]), count, plant),
-            [np.clip(value, low + 1e-9, high - 1e-9)],
-            bounds=(low, high),
-            diff_step=1e-6,
-            xtol=1e-12,
-            ftol=1e-12,
-            max_nfev=25,
-        )
