@@ -2,10 +2,9 @@
 
 Inversion of the interval: all values, on every branch, whose predicted interval is the observed one.
 
-A test whether a value that explains the intervals also explains the amplitude and shape of the motion.
-
-The motion that the value predicts is simulated, on the plant that moved, and laid on the one observed; what is left is
-measured in standard deviations of the errors that times and outputs are allowed. The sum of squares has, where only
+The motion that each value predicts is simulated and laid on the one observed, by least squares on times and outputs in
+standard deviations of their errors. This gives the value and its confidence, however slowly the motion settles, and
+tells whether a value that explains the intervals also explains amplitude and shape: the sum of squares has, where only
 these errors are between the two, a chi-square distribution.
 """
 
@@ -150,6 +149,7 @@ LEVEL = 0.002
 """Probability below which nothing fits; so often is a motion refused that the run file describes."""
 _STEP = 1e-4  # of the unit of each number: differences that are derivatives
 _TRIES = 30
+_HOPELESS = 100.0  # variances: what is left where no small step helps any more
 _MANY = 64  # intervals, of which half are enough
 _SMALL = 1e-5  # of the sum of squares, and of the variance of an error: what another step has to win
 _PHASES = 48  # at which the predicted motion is laid first
@@ -338,7 +338,10 @@ class Course:
                     break
             else:
                 break
+            stuck = self._cost(further) > max(_HOPELESS * len(left), 0.8 * self._cost(left))
             at, left = there, further
+            if stuck:
+                break
         found = self._left(at, side, count)
         if found is None:
             return None

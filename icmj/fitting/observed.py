@@ -3,7 +3,8 @@
 The observation of a motion: times of events, with or without the outputs at them, or an output at many instants;
 in memory, or in files.
 
-The rhythm of a settled motion: its open-loop interval, and whether it is mirrored, from events or outputs.
+The rhythm of a motion that has settled, or nearly: its open-loop interval, and whether it is mirrored, from events or
+outputs.
 
 The unknown: one field of the run file, or a named change, between two bounds.
 """
