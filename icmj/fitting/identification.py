@@ -75,13 +75,14 @@ class Inverse:
         return found
 
     def nearest(self, rhythm: Rhythm) -> list[float]:
-        """Values of the grid at which the interval comes nearest to one from which a slow motion is still away."""
+        """Values of the grid, none beside a candidate, whose interval is near that of a motion still on its way."""
         grid = np.linspace(self.unknown.low, self.unknown.high, _POINTS)
         rates, signs = np.transpose([self.rate(float(value)) for value in grid])
         off = np.where(signs * rhythm.sign < 0, np.nan, np.abs(rates * rhythm.interval - 1))
         off = np.pad(np.nan_to_num(off, nan=np.inf), 1, constant_values=np.inf)
         least = (off[1:-1] < NEAR) & (off[1:-1] <= off[:-2]) & (off[1:-1] < off[2:])
-        return [float(value) for value in grid[least]]
+        known, cell = self.candidates(rhythm), grid[1] - grid[0]
+        return [float(value) for value in grid[least] if all(abs(value - other) > cell for other in known)]
 
     def _between(self, a: float, b: float, rhythm: Rhythm, part: float = 1.0) -> Iterator[float]:
         """The values in a ``part`` of a cell, halved where the interval does not run nearly straight through it.

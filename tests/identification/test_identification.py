@@ -91,12 +91,12 @@ def test_no_exact_motion_is_refused_though_its_cycle_attracts_slowly(kind: str) 
 def test_intervals_cover_where_cycles_attract_slowly() -> None:
     """Multipliers of 0.83 to 0.99: times rounded to a millisecond, without a known start."""
     held, widths = [], []
-    for b in np.random.default_rng(6).uniform(0.477, 0.53, 20):
+    for b in np.random.default_rng(6).uniform(0.477, 0.53, 10):
         seen = Observed.of_times(np.round(motion(float(b)).events.t[5:], 3))
         found = identify(replace(BLIND, low=0.4, high=0.7), seen, known=LOW)
         held.append(found.holds(float(b)))
         widths += [high - low for low, high in found.intervals]
-    assert sum(held) >= 17
+    assert sum(held) >= 8
     assert np.median(widths) < 1e-4
 
 
