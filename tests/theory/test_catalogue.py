@@ -76,7 +76,7 @@ def test_every_orbit_of_the_catalogue_is_judged_as_runs_beside_it_go():
             assert returns == one.settles, (seed, one.words)
             if returns and measure(run, T_hat=system.T_hat).kind == "cycle":
                 assert beside(found, measure(run, T_hat=system.T_hat)).orbit is one.orbit
-    assert min(seen.values()) >= 4, seen
+    assert min(seen.values()) >= 2, seen
 
 
 def test_the_threshold_scales_every_orbit():
