@@ -375,8 +375,12 @@ class Simulation(WithCard):
         kinds = np.array([name.split(".")[0] for name in names])
         bends, after = steady(names), np.full((len(self.breaks[0]), len(names)), np.nan) if after is None else after
         held, error = np.isin(kinds, ("u", "x_h")) & (self.x_o.shape[1] > 0), kinds == "E"
-        if self.control == "continuous":  # whose hold is the observer
-            bends, held = bends | held, held & False
+        if self.control == "continuous":  # whose hold is the observer; the set-point moves its commands at once
+            steady_held = held & ((kinds == "x_h") | (self.setpoint is None))
+            bends, held = bends | steady_held, held & False
+        resets, switches = self.breaks[0], self.switches
+        after = np.concatenate([after, np.full((len(switches), len(names)), np.nan)])
+        resets, after = (each[np.argsort(np.append(resets, switches))] for each in (np.append(resets, switches), after))
         # what is held jumps at actions alone, and knows of no edge; the event function bends where the observer does
         given, found = np.concatenate([self.actions, np.ravel(breaks)]), np.empty((len(t), len(names)))
         jumping = np.concatenate([given, self.edges])
@@ -387,7 +391,7 @@ class Simulation(WithCard):
         ):
             if these.any():
                 found[:, these] = piecewise(
-                    self.t, values[:, these], t, jumps=self.breaks[0], after=after[:, these],
+                    self.t, values[:, these], t, jumps=resets, after=after[:, these],
                     breaks=others, bends=bending, steady=bends[these],
                 )  # fmt: skip
         return found
@@ -401,6 +405,12 @@ class Simulation(WithCard):
             near = np.abs(events[np.clip(np.searchsorted(events, actions - NEAR), 0, len(events) - 1)] - actions)
             actions = actions[near > NEAR]
         return actions
+
+    @property
+    def switches(self) -> Array:
+        """Times at which the controller changes its mode without an event [s], whose rows contain what is before."""
+        times = self.t[:-1][np.diff(self.mode) != 0] if len(self.mode) == len(self.t) else np.zeros(0)
+        return times[~np.isin(times, self.events.t)]
 
     @property
     def breaks(self) -> tuple[Array, Array]:

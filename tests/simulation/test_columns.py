@@ -7,6 +7,7 @@ import pytest
 from report_cases import design_of, result
 
 from icmj.case.case import prepare, simulate_plant
+from icmj.case.case import simulate as simulate_case
 from icmj.controller.controller import Controller
 from icmj.controller.design import Delay, system_matched
 from icmj.controller.setpoint import Target, step
@@ -105,6 +106,25 @@ def test_where_signals_jump_the_side_is_that_of_a_row_there(kind, plant):
     assert max(errors.values()) < 1e-5
     # a jump that is missed is a hundred times as large
     assert np.abs(np.diff(exact.u, axis=0)).max() > 1e-3 * np.abs(exact.u).max()
+
+
+def test_continuous_commands_jump_with_the_set_point_and_no_spline_crosses_that():
+    control = followed(controller(Continuous()), step(0.01, 2.3037))
+    errors = departure(run(control), run(control, 1 / RATE), control, of=ALL)
+    assert max(errors.values()) < 2e-5, errors
+
+
+def test_where_a_controller_changes_its_mode_without_an_event_its_command_bends(root):
+    """Of the shipped controller that knows its saturation: it leaves the bound where no instant is planned."""
+    file = load_run(root / "examples/hybrid/saturating.toml", allow_code=True)
+    push = {"kind": "step", "input": "ankle_torque", "size": 1.0, "start": 1.0}
+    more = {"simulation.duration": 6.0, "simulation.disturbance": [push], "assumed.delay": 0.25}
+    coarse, exact = (
+        simulate_case(prepare(file.with_(**more, **{"simulation.record_interval": interval})), "linear")
+        for interval in (0.002, 1 / RATE)
+    )
+    assert len(coarse.switches) > 4
+    assert departure(coarse, exact, of=("u",))["u"] < 1e-4
 
 
 PUSH = """
