@@ -409,7 +409,13 @@ class Simulation(WithCard):
     @property
     def switches(self) -> Array:
         """Times at which the controller changes its mode without an event [s], whose rows contain what is before."""
-        times = self.t[:-1][np.diff(self.mode) != 0] if len(self.mode) == len(self.t) else np.zeros(0)
+        if len(self.mode) != len(self.t):
+            return np.zeros(0)
+        # the row of an action or an edge has the mode from there on: what changes before it does not change at a row
+        later = np.append(np.sort(np.concatenate([self.actions, self.edges])), np.inf)
+        after = self.t[1:]
+        planned = np.abs(later[np.searchsorted(later, after - NEAR)] - after) <= NEAR
+        times = self.t[:-1][(np.diff(self.mode) != 0) & ~planned]
         return times[~np.isin(times, self.events.t)]
 
     @property
