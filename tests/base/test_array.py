@@ -121,7 +121,8 @@ def cycle(multiplier: float) -> Any:
     """What of a cycle says whether it attracts."""
     values = np.array([multiplier, 0.5], complex)
     return SimpleNamespace(
-        multipliers=values, isolated=values, neutral=0, alternating=False, name="period-1 cycle", period=1.0, intervals=np.ones(1),
+        multipliers=values, isolated=values, neutral=0, alternating=False, name="period-1 cycle", period=1.0,
+        intervals=np.ones(1),
         attracting=np.abs(values).max() < 1 and cast(Any, Cycle.attracting).fget(SimpleNamespace(isolated=values)),
     )  # fmt: skip
 
