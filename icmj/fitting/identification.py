@@ -243,7 +243,7 @@ class Course:
 
     def distance(self, value: float, count: int) -> float:
         """Sum of squares of the first ``count`` events since a known start, in mean intervals."""
-        left = self._left(np.array([value]), 1, count)
+        left = self._compare(np.array([value]), 1, count)
         return float(count) if left is None else float(np.sum((left[0] * self._exact / self._interval) ** 2))
 
     def _start(self, value: float, count: int) -> tuple[Array, int]:
@@ -292,7 +292,7 @@ class Course:
         length = float(self._t[count - 1] - self._t[0]) + 2.5 * self._interval
         return simulate(case, self._plant, start=start, duration=length)
 
-    def _left(self, at: Array, side: int, count: int) -> tuple[Array, Array, Array, Array] | None:
+    def _compare(self, at: Array, side: int, count: int) -> tuple[Array, Array, Array, Array] | None:
         """What is left of times and outputs, in standard deviations, and the predicted outputs and their peaks."""
         run = self._simulate(at, side, count)
         if run is None or len(run.t) < 4:
@@ -311,7 +311,7 @@ class Course:
         return times, (y - seen) / np.maximum(sigma, 1e-12 * peak + 1e-300), seen, peak
 
     def _vector(self, at: Array, side: int, count: int) -> Array | None:
-        left = self._left(at, side, count)
+        left = self._compare(at, side, count)
         return None if left is None else np.concatenate([left[0], left[1].ravel(), at[2:]])
 
     @staticmethod
@@ -343,7 +343,7 @@ class Course:
             at, left = there, further
             if stuck:
                 break
-        found = self._left(at, side, count)
+        found = self._compare(at, side, count)
         if found is None:
             return None
         times, outputs, seen, peak = found

@@ -61,7 +61,11 @@ def read(path: str, folder: str) -> dict[str, Any]:
     unit = next(iter(parameters["POINT"].get("UNITS", {}).get("value", [])), "")
     if plates:
         axes = _plane(plates[0]["corners"])
+        # whatever the library calls it, the force is in the unit of its channel
+        known, third = _channel_units(parameters), np.asarray(parameters["FORCE_PLATFORM"]["CHANNEL"]["value"])[2]
+        forces = [known[channel] if 0 <= channel < len(known) else "" for channel in third.astype(int).ravel() - 1]
         loads = np.array([np.abs(plate["force"][axes[2]]) for plate in plates])
+        loads *= np.array([_FORCES.get(unit, 1.0) for unit in forces[: len(plates)]])[:, None]
         loads[~(loads >= LEAST_LOAD)] = 0.0
         centres = np.array([plate["center_of_pressure"][axes[:2]] for plate in plates])
         centres[np.broadcast_to(loads[:, None] == 0, centres.shape)] = np.nan
@@ -72,7 +76,10 @@ def read(path: str, folder: str) -> dict[str, Any]:
                 whole = (loads[:, None] * np.nan_to_num(centres)).sum(axis=0) / loads.sum(axis=0)
             keep(0, [f"cop.{_AXES[axis]}" for axis in axes[:2]], [unit] * 2, analog_rate, whole.T)
         names = [f"plate{number}.force.{axis}" for number in range(1, len(plates) + 1) for axis in _AXES]
-        units = [str(plate["unit_force"]) for plate in plates for _ in _AXES]
+        stated = [
+            unit if unit in _FORCES else str(plate["unit_force"]) for unit, plate in zip(forces, plates, strict=False)
+        ]
+        units = [unit for unit in stated for _ in _AXES]
         keep(1, names, units, analog_rate, np.vstack([plate["force"] for plate in plates]).T)
     labels = _labels(parameters["POINT"])[: data["points"].shape[1]]
     values = data["points"][:3, : len(labels)].transpose(2, 1, 0).reshape(data["points"].shape[2], -1)
@@ -99,10 +106,12 @@ def _plates(file: Any, copy: Path) -> list[Any]:
     import ezc3d
 
     parameters, found = file["parameters"], list(file["data"].get("platform") or [])
-    units = [str(unit).translate(str.maketrans("", "", " .*·")) for unit in parameters["ANALOG"]["UNITS"]["value"]]
+    if not found:
+        return []
+    units = _channel_units(parameters)
     point = next(iter(parameters["POINT"].get("UNITS", {}).get("value", [])), "")
     given = file["data"]["analogs"].copy()
-    for i, kind in enumerate(parameters["FORCE_PLATFORM"]["TYPE"]["value"][: len(found)] if found else []):
+    for i, kind in enumerate(parameters["FORCE_PLATFORM"]["TYPE"]["value"][: len(found)]):
         channels = np.asarray(parameters["FORCE_PLATFORM"]["CHANNEL"]["value"])[:6, i].astype(int) - 1
         if kind != 2 or len(channels) < 6 or channels.max() >= len(units):  # others have no moments, or none in a unit
             continue
@@ -116,6 +125,12 @@ def _plates(file: Any, copy: Path) -> list[Any]:
     file.write(str(copy))
     file["data"]["analogs"] = given  # the channels stay in the units that they state
     return list(ezc3d.c3d(str(copy), extract_forceplat_data=True)["data"]["platform"])
+
+
+def _channel_units(parameters: Any) -> list[str]:
+    """Units of the analog channels as the file states them, without blanks and signs of multiplication."""
+    stated = parameters["ANALOG"].get("UNITS", {}).get("value", [])
+    return [str(unit).translate(str.maketrans("", "", " .*·")) for unit in stated]
 
 
 def _plane(corners: Any) -> list[int]:

@@ -378,9 +378,10 @@ class Simulation(WithCard):
         if self.control == "continuous":  # whose hold is the observer; the set-point moves its commands at once
             steady_held = held & ((kinds == "x_h") | (self.setpoint is None))
             bends, held = bends | steady_held, held & False
-        resets, switches = self.breaks[0], self.switches
-        after = np.concatenate([after, np.full((len(switches), len(names)), np.nan)])
-        resets, after = (each[np.argsort(np.append(resets, switches))] for each in (np.append(resets, switches), after))
+        # of a change of mode without an event, what is right after it is not known
+        resets = np.concatenate([self.breaks[0], self.switches])
+        after = np.concatenate([after, np.full((len(resets) - len(after), len(names)), np.nan)])[np.argsort(resets)]
+        resets = np.sort(resets)
         # what is held jumps at actions alone, and knows of no edge; the event function bends where the observer does
         given, found = np.concatenate([self.actions, np.ravel(breaks)]), np.empty((len(t), len(names)))
         jumping = np.concatenate([given, self.edges])

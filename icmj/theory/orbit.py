@@ -226,10 +226,10 @@ def _find_end(faces: Faces, system: ErrorSystem, X: Array) -> tuple[NDArray[np.i
     squares = faces.squares(X @ system.T_t.T @ faces.R.T)
     seen = float(squares[-1].max())
     scale = np.abs(faces.R.T @ faces.R).max() * (np.abs(X[:, system.n :]).max() ** 2)
-    return _tied(squares[-1]), 1 / np.sqrt(seen) if seen > 1e-20 * scale else np.inf
+    return _find_ties(squares[-1]), 1 / np.sqrt(seen) if seen > 1e-20 * scale else np.inf
 
 
-def _tied(squares: Array) -> NDArray[np.intp]:
+def _find_ties(squares: Array) -> NDArray[np.intp]:
     """The faces that are reached together, the first of the largest |R_j e|² first."""
     tied = np.flatnonzero(squares >= (1 - TIE) * squares.max())
     return tied[np.argsort(-squares[tied], kind="stable")]
@@ -325,7 +325,7 @@ def jacobians(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared
     faces, e = trigger.faces(system.design), system.T_t @ X
     velocity, flight = system.A_C @ X, e_A @ system.entry
     found = []
-    for face in _tied(faces.squares(faces.R @ e)):
+    for face in _find_ties(faces.squares(faces.R @ e)):
         R = faces.R[faces.rows(int(face))]
         gradient = 2 * faces.unit * (R @ e) @ R @ system.T_t
         slope = gradient @ velocity
@@ -380,7 +380,7 @@ def is_alternating(system: ErrorSystem, trigger: EventRule, orbit: Orbit, reduce
         return False
     faces, A_h = trigger.faces(system.design), (system.hold or system_matched(system.design)).A_h
     x_o, e = np.hstack([system.T_hat, np.eye(system.n_hat)]), orbit.e_hp[-1]
-    for face in _tied(faces.squares(faces.R @ e)):
+    for face in _find_ties(faces.squares(faces.R @ e)):
         R = faces.R[faces.rows(int(face))]
         if not stands_still(R, A_h) or reduced.shown_by((R @ e)[None] @ R @ x_o).any():
             return False

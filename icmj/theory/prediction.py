@@ -420,13 +420,13 @@ def _catalogue(
         same = [one for one in real if _together(one, c)]
         whole = replace(c, multiplicity=sum(s.multiplicity for s in same), dimension=sum(s.dimension for s in same))
         try:
-            yield _predicted(system, trigger, whole if len(same) > 1 else c, prepared, reduced)
+            yield _predict_orbit(system, trigger, whole if len(same) > 1 else c, prepared, reduced)
         except AnalysisError:
             if paper is not None and _together(c, paper):
                 raise
 
 
-def _predicted(
+def _predict_orbit(
     system: ErrorSystem, trigger: EventRule, critical: Crossing, prepared: Flow, reduced: Reduction
 ) -> PredictedOrbit:
     sign = 1 if critical.kind == "+1" else -1

@@ -158,6 +158,23 @@ def test_moments_in_another_unit_than_the_points_give_the_same_centre_of_pressur
     np.testing.assert_allclose(read_series(tmp_path / "a.c3d", columns=["My1"])["My1"], forces[4], rtol=1e-6)
 
 
+@pytest.mark.parametrize("units", [(), ("N",) * 2, ("V",) * 6, ("kN",) * 3 + ("kNmm",) * 3])
+def test_whatever_units_channels_state_a_loaded_plate_has_a_centre_of_pressure(recording, tmp_path, units):
+    """None, some, those of amplifiers: forces are taken for newtons; and 0.7 kN are a load, with moments in kN mm."""
+    ezc3d = pytest.importorskip("ezc3d")
+    path, _, _, centre = recording
+    file = ezc3d.c3d(str(path))
+    file["parameters"]["ANALOG"]["UNITS"]["value"] = units
+    if "kN" in units:
+        file["data"]["analogs"] = 1e-3 * file["data"]["analogs"]
+    file.write(str(tmp_path / "a.c3d"))
+    series = read_series(tmp_path / "a.c3d")
+    np.testing.assert_allclose(series.values, (centre * [[1], [-1]]).T, atol=1e-3)
+    force = read_series(tmp_path / "a.c3d", columns=["plate1.force.z"])
+    assert force.units == ("kN" if "kN" in units else "N",)
+    assert np.abs(force["force.z"]).mean() == pytest.approx(0.7 if "kN" in units else 700.0, rel=1e-3)
+
+
 def test_points_without_a_unit_have_none(tmp_path, shell):
     write_plates(tmp_path / "a.c3d", point="")
     assert read_series(tmp_path / "a.c3d").units == ("", "")
