@@ -264,30 +264,28 @@ def test_contributing_draws_these_floors() -> None:
     assert drawn == expected
 
 
-LARGE = 60  # lines from which a module has a row in CONTRIBUTING.md
-
-
-def test_contributing_names_files_that_exist_and_every_large_module() -> None:
+def test_contributing_names_files_that_exist_and_few_for_each_change() -> None:
     """A file is named by its path, or by the end of it if no other path has this end."""
     root = PACKAGE.parent
     page = (root / "CONTRIBUTING.md").read_text(encoding="utf-8")
     folders = [PACKAGE, *(root / name for name in ("docs", "examples", "tests", "benchmarks"))]
     paths = {path.relative_to(root).as_posix() for folder in folders for path in folder.rglob("*.py*")}
-    named: set[str] = set()
     for name in re.findall(r"`([^`\s]+\.pyi?)`", page):
         found = {name} & paths or {path for path in paths if path.endswith(f"/{name}")}
         assert len(found) == 1, f"CONTRIBUTING.md names {name}: {sorted(found) or 'no such file'}"
-        named |= found
-    large = {
-        path.relative_to(root).as_posix()
-        for path in MODULES
-        if len(path.read_text(encoding="utf-8").splitlines()) > LARGE
-    }
-    assert len(large) > 100
-    assert not large - named, f"no row of CONTRIBUTING.md names {sorted(large - named)}"
-    for row in page.splitlines():
-        paths_of_row = re.findall(r"`([^`\s]+/[^`\s]+\.pyi?)`", row) if row.startswith("|") else []
-        assert len(paths_of_row) == len(set(paths_of_row)), f"a row names a file twice: {row}"
+    for name in re.findall(r"`((?:icmj|docs|tests|examples|\.ci)/[^`\s]*)`", page):
+        assert (root / name).exists(), f"CONTRIBUTING.md names {name}, which is not there"
+    table = page.partition("## To change X, open Y")[2].partition("\n## ")[0]
+    rows = [row for row in table.splitlines() if row.startswith("| ")][2:]
+    assert 20 <= len(rows) <= 30
+    for row in rows:
+        opened = re.findall(r"`((?:icmj|docs|tests)/[^`\s]+)`", row)
+        assert 1 <= len(opened) == len(set(opened)) <= 2, f"one or two files, each once: {row}"
+
+
+def test_the_main_line_is_read_in_ten_files() -> None:
+    page = (PACKAGE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    assert len(re.findall(r"^\d+\. `icmj/[^`]+\.py`: ", page, flags=re.M)) == 10
 
 
 def test_the_command_line_prints_in_one_place() -> None:
