@@ -284,6 +284,7 @@ def _along(model: mujoco.MjModel, actuator: int) -> tuple[float, float, float]:
 
 EPS = 1e-5  # balances truncation (eps²) against rounding (1/eps): 2e-9 on the three-link model
 EPS_TOUCHING = 1e-6  # the same where something touches: contacts give way over tenths of a millimetre
+_PART = 0.5  # of the room that a control has before it, or the force that it makes, is limited
 
 
 @dataclass(frozen=True, eq=False)
@@ -383,8 +384,30 @@ def step_of(model: mujoco.MjModel, point: OperatingPoint) -> float:
     return EPS_TOUCHING if data.nefc else EPS
 
 
+def control_steps(model: mujoco.MjModel, point: OperatingPoint, eps: float) -> Array:
+    """Half the distances of the differences over controls, each in its own unit; shape (nu,).
+
+    That is ``eps``, of the control at the operating point where that is larger than 1, for a sum of large forces is
+    rounded to 1e-16 of them; and at most half of what is left before the control or its force is limited, for beyond
+    that it moves nothing. At a limit, where no step is right, it is half of the range, so that the kink is seen.
+    """
+    steps = eps * np.maximum(1.0, np.abs(point.ctrl))
+    data = data_at(model, point)
+    mujoco.mj_forward(model, data)
+    for i in range(model.nu):
+        ranges = [(point.ctrl[i], model.actuator_ctrlrange[i], 1.0)] if model.actuator_ctrllimited[i] else []
+        fixed = model.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_FIXED
+        if model.actuator_forcelimited[i] and fixed and model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_NONE:
+            gain = abs(float(model.actuator_gainprm[i, 0]))
+            ranges.append((data.actuator_force[i], model.actuator_forcerange[i], gain))
+        for value, (low, high), gain in ranges:
+            room = min(value - low, high - value)
+            steps[i] = min(steps[i], _PART * (room if room > 0 else high - low) / (gain or np.inf)) or steps[i]
+    return steps
+
+
 def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) -> Differences:
-    """Derivatives of the model at ``point`` by differences over ± ``eps``.
+    """Derivatives of the model at ``point`` by differences over ± ``eps``, of controls over :func:`control_steps`.
 
     Raises:
         ModelError: if an actuator has user dynamics that icmj does not know, or a derivative is not finite.
@@ -410,12 +433,18 @@ def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) 
     slopes, right, left = np.zeros((3, n + model.nsensordata, n + nu))
     with isolate_engine(), solve_fully(model):
         rest = evaluate(np.zeros(n + nu))
+        steps = np.append(np.full(n, eps), control_steps(model, point, eps))
         for j in range(n + nu):
             step = np.zeros(n + nu)
-            step[j] = eps
+            step[j] = steps[j]
             up, down = evaluate(step), evaluate(-step)
-            slopes[:, j] = (up - down) / (2 * eps)
-            right[:, j], left[:, j] = (up - rest) / eps, (rest - down) / eps
+            # a control is rounded where it is large: what counts is how far it went
+            above, below = steps[j], steps[j]
+            if j >= n:
+                at = point.ctrl[j - n]
+                above, below = (at + steps[j]) - at, at - (at - steps[j])
+            slopes[:, j] = (up - down) / (above + below)
+            right[:, j], left[:, j] = (up - rest) / above, (rest - down) / below
     A, B, C, D = slopes[:n, :n], slopes[:n, n:], slopes[n:, :n], slopes[n:, n:]
     A[:nv] = np.hstack([np.zeros((nv, nv)), np.eye(nv), np.zeros((nv, na))])
     B[:nv] = 0

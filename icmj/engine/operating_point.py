@@ -536,6 +536,8 @@ class _Search:
         name, i = model_name(self.model), leading(left)
         stuck = [label for label, fixed in zip(input_names(self.model), self.fixed, strict=True) if fixed]
         limits = f"; {', '.join(stuck)} at the end of its range" if stuck else ""
+        if left[i] > mujoco.mjMAXVAL:
+            limits += f"; MuJoCo takes no control beyond {mujoco.mjMAXVAL:g}, so give the actuator a larger gear"
         unit = "N m" if state_units(self.model)[i] == "rad" else "N"
         raise ModelError(
             f"model {name!r} cannot be held at rest by operating_point = {self.rule.kind!r}: "

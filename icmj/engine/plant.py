@@ -147,8 +147,9 @@ def _sensor(
     return label
 
 
-_NO_SLOPE = 1e-8  # a slope that is rounding alone, in 1/s² or in units of an output
-_D = 1e-9  # smallest feed-through that is one: a position or velocity has exactly none
+# of a body that 1 N or 1 N m moves by 1 m/s² or 1 rad/s², and less of a heavier one: a slope that is rounding alone, in
+# 1/s² or in units of an output; and the smallest feed-through that is one, for a position or velocity has exactly none
+_NO_SLOPE, _D = 1e-8, 1e-9
 
 
 def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
@@ -169,7 +170,10 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
     A, B, C = (_error(*pair) for pair in zip(matrices(whole), matrices(half), strict=True))
     names = plant.states, plant.inputs, plant.outputs
     slow, quick = (LinearPlant(*matrices(found), *names) for found in (whole, _at_half_step(model, point, step)))
-    feedthrough = [name for name, row in zip(plant.outputs, linearisation.D, strict=True) if np.abs(row).max() > _D]
+    mobile = min(1.0, float(model.dof_invweight0.max(initial=0.0)) or 1.0)
+    feedthrough = [
+        name for name, row in zip(plant.outputs, linearisation.D, strict=True) if np.abs(row).max() > _D * mobile
+    ]
     return Quality(
         residual=_residual(model, whole),
         moving=tuple(state_names(model)[i] for i in np.flatnonzero(np.abs(point.qvel) > 1e-9)),
@@ -184,7 +188,7 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
         unobservable=quality.unobservable(plant),
         idle=quality.idle(plant),
         excesses=excesses(model, point, kept, rows, columns),
-        dead=quality.dead(plant, _NO_SLOPE),
+        dead=quality.dead(plant, _NO_SLOPE * mobile),
         step_effect=quality.compare_steps(slow, quick, float(model.opt.timestep)),
     )
 
