@@ -112,7 +112,8 @@ def design_lq(
         if not np.all(np.isfinite(poles)) or np.max(np.real(poles)) >= 0:
             raise DesignError(
                 f"the {what} designed is not stable (largest real part "
-                f"{np.max(np.real(poles)):.3g}/s); change its weights"
+                f"{np.max(np.real(poles)):.3g}/s); see that inputs move and outputs show each unstable mode of the "
+                "plant, or change its weights"
             )
     return design
 

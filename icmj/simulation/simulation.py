@@ -594,7 +594,7 @@ def _remarks(simulation: Simulation) -> Iterator[Notice]:
     elif error > LARGE:
         words = (
             f"the step of {float(facts['timestep']):g} s with {facts['integrator']} errs by {error:.1g} of an interval;"
-            ' shorten [simulation] timestep, or take integrator = "RK4"'
+            " shorten [simulation] timestep" + (', or take integrator = "RK4"' if facts["integrator"] != "RK4" else "")
         )
         yield Notice("large step", "warning", words)
 
