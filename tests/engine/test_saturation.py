@@ -1,5 +1,7 @@
 """What acts on a plant at its limits, against its equation of motion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from model_cases import MOTOR, pendulum, written
@@ -127,3 +129,7 @@ def test_a_step_that_is_too_large_is_told(tmp_path):
     (notice,) = remarks(found)
     assert notice.kind == "large step"
     assert "0.02 s with EULER" in notice.words
+    assert 'take integrator = "RK4"' in notice.words
+    (notice,) = remarks(replace(found, precision={**found.precision, "integrator": "RK4"}))
+    assert "0.02 s with RK4" in notice.words
+    assert "take integrator" not in notice.words
