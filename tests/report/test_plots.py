@@ -83,7 +83,7 @@ def test_the_phase_plane_is_a_curve_at_rows_of_10_ms(t_d):
     sizes = {"duration": 8.0, "record_interval": 0.01}
     runs = [
         simulate(found.actual, law, replace(found.run.simulation.settings(), **sizes | changes))
-        for changes in ({}, {"record_interval": 2e-4})
+        for changes in ({}, {"record_interval": 1e-3})
     ]
     axes = Figure().subplots()
     PLOTS.phase(axes, replace(found, controller=law, prediction=prediction, simulation=runs[0]))
