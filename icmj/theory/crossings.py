@@ -15,6 +15,9 @@ have decayed; all their zeros on a panel follow from a colleague matrix. Zeros c
 separate. Then the crossings found must explain the change in the number of eigenvalues outside the circle over each
 panel, or the panel is halved again.
 
+The search counts time in a unit of its own, so that bounds hold of a plant in any unit of time: a power of two, which
+changes no digit, near a third of the interval searched.
+
 Resolution: two crossings of the same kind further apart than ``resolution`` are told apart. Closer ones, and a branch
 that comes so close to the circle that its crossings would be so, are reported as one of direction ``tangent``. Where k
 equal eigenvalues cross together, that is one crossing of multiplicity k.
@@ -71,6 +74,7 @@ _NOISY = 5
 _CROWD = 128
 _ON = 1e-6  # |log|λ|| up to which an eigenvalue at a zero counts as on the circle
 _ON_AT_LAST = 1e-3  # the same where the shortest panels leave a change of their number unexplained
+_RESOLUTION = 1e-6  # in the search's own unit of time
 _NEAR = 2e-3  # zeros this close to each other or to the real axis, in half-panels, are zoomed into
 # With ‖φ‖ beyond this, eigenvalues at the circle are known to no better than about 1e-6
 _DROWNED = 1e8
@@ -95,7 +99,7 @@ def search(
     delta_max: float,
     *,
     delta_start: float = 0.0,
-    resolution: float = 1e-6,
+    resolution: float | None = None,
     prepared: Flow | None = None,
     reduced: Reduction | None = None,
     progress: Callable[[float], None] | None = None,
@@ -108,7 +112,8 @@ def search(
         system: the error system.
         delta_max: end of the search [s].
         delta_start: start of the search [s]; the departure from φ(0) = I is never a crossing.
-        resolution: distance below which two crossings of one kind count as a tangency [s].
+        resolution: distance below which two crossings of one kind count as a tangency [s]; if ``None``, some 3e-7 of
+            ``delta_max``.
         prepared: the flow of ``system``, if at hand.
         reduced: the system without its neutral directions, if at hand.
         progress: called repeatedly with the completed fraction, 0–1.
@@ -118,7 +123,7 @@ def search(
             what can be analysed.
     """
     check_range(system, delta_max, delta_start)
-    if not resolution > 0:
+    if resolution is not None and not resolution > 0:
         raise AnalysisError(f"the resolution must be positive, got {resolution} s")
     if reduced is None:
         prepared = prepared or flow(system.A_C)
@@ -127,14 +132,16 @@ def search(
     spectra = Spectra(reduced)
     if not spectra.count:
         return Search((), delta_max)
-    return _Finder(spectra, resolution, progress or (lambda _: None)).run(delta_start, delta_max)
+    unit = 2.0 ** round(np.log2(delta_max / 3))
+    fine = _RESOLUTION * unit if resolution is None else resolution
+    return _Finder(spectra, fine, unit, progress or (lambda _: None)).run(delta_start, delta_max)
 
 
 class _Finder:
     """The search on one system: panels, zeros, crossings."""
 
-    def __init__(self, spectra: Spectra, resolution: float, progress: Callable[[float], None]) -> None:
-        self.spectra, self.resolution, self.progress = spectra, resolution, progress
+    def __init__(self, spectra: Spectra, resolution: float, unit: float, progress: Callable[[float], None]) -> None:
+        self.spectra, self.resolution, self.unit, self.progress = spectra, resolution, unit, progress
         self.on, self.t_d = _ON, spectra.t_d
 
     def run(self, start: float, end: float) -> Search:
@@ -155,6 +162,7 @@ class _Finder:
                     "search a shorter range, or look for gains or rates that are out of proportion"
                 )
             delta, g, size = self.spectra.panels(left, (1 + nodes(DEGREE)) / 2 * width)
+            delta, g = delta / self.unit, g * self.unit
             plateau = np.maximum(_PLATEAU, 1e4 * np.finfo(float).eps * size) if depth < _NOISY else 1e-2
             sets = near(g, delta)
             parts = [series(g[m, :, a:b], delta[m]) for m, (a, b) in enumerate(sets)]
@@ -247,8 +255,8 @@ class _Finder:
         centre, radius = (low + centre + radius) / 2, (centre + radius - low) / 2
         delta = centre + radius * nodes(degree)
         delta[0] = max(delta[0], delta[1] * 1e-3)
-        g = once(self.spectra.at(delta)[:, slice(*near_set)])
-        f = circle_function(kind, g, delta)
+        g = once(self.spectra.at(delta)[:, slice(*near_set)] * self.unit)
+        f = circle_function(kind, g, delta / self.unit)
         return self._zeros(kind, coefficients(degree) @ f, centre, radius, near_set)
 
     def _crossing(self, kind: Kind, delta: float, *, tangent: bool, at_least: int = 1) -> list[Crossing]:

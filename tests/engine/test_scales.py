@@ -14,7 +14,7 @@ PENDULUM = """<mujoco model="p"><worldbody><body pos="0 0 {high}"><joint name="a
 
 
 def load(path, length, angle=0.0, limits="", gear=1.0):
-    """A pendulum upside down of a person's density and shape, its moment of inertia and its largest torque of gravity."""
+    """A pendulum upside down, of a person's density and shape, and its moment of inertia."""
     mass = 70 * length**3
     own = 0.05 * mass * length**2
     torque = 9.81 * mass * length

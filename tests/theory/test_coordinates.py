@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from theory_cases import neglected, pendulum, pendulum_design, random_systems, three_link, three_link_design
 
-from icmj import EventTrigger, error_system, predict
+from icmj import EventTrigger, LinearPlant, error_system, predict
+from icmj.controller.design import Delay, Design, system_matched, zero_order
 
 CASES = {
     "b=0.8": (pendulum(0.8), pendulum_design()),
@@ -75,3 +76,31 @@ def test_gamma_depends_on_units():
     assert after.delta_crit == pytest.approx(before.delta_crit, rel=1e-12)
     np.testing.assert_allclose(after.amplitude, before.amplitude, rtol=1e-9)
     assert abs(after.gamma / before.gamma - 1) > 0.1
+
+
+@pytest.mark.parametrize("hold", [system_matched, zero_order])
+@pytest.mark.parametrize("t_d", [0.0, 0.1])
+def test_no_unit_of_time_changes_anything_but_times(hold, t_d):
+    """Seconds, milliseconds, or 1e9 s: of A, B and L rates are counted per unit, and all else is the same."""
+    with_orbits = 0
+    for system in random_systems(700, 20):
+        found = []
+        for unit in (1.0, 1e3, 1e7, 1e-9):
+            assumed, actual = (
+                LinearPlant(plant.A * unit, plant.B * unit, plant.C) for plant in (system.design.plant, system.actual)
+            )
+            design = Design(assumed, system.design.k, system.design.L * unit)
+            own = error_system(actual, design, hold=hold(design), delay=Delay(t_d / unit))
+            rule = EventTrigger(np.eye(own.n_hat), 0.01, 1e-3 / unit)
+            found.append((unit, predict(own, rule, delta_max=3.0 / unit)))
+        _, expected = found[0]
+        for unit, got in found[1:]:
+            assert [(c.kind, c.direction) for c in got.crossings] == [(c.kind, c.direction) for c in expected.crossings]
+            deltas = [[c.delta * u for c in p.crossings] for u, p in ((unit, got), (1.0, expected))]
+            np.testing.assert_allclose(*deltas, rtol=1e-8)
+            assert [o.verdict for o in got.orbits] == [o.verdict for o in expected.orbits]
+            assert (got.cycle, got.verdict) == (expected.cycle, expected.verdict)
+            if expected.orbit is not None:
+                np.testing.assert_allclose(got.amplitude, expected.amplitude, rtol=1e-6)
+                with_orbits += 1
+    assert with_orbits > 20
