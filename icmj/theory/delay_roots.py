@@ -41,6 +41,7 @@ from icmj.plant.linear_plant import LinearPlant, match_ports
 _FEWEST, _MANY, _MOST = 16, 64, 256  # Chebyshev points: at first, to see all roots of a loop that has few, at last
 NEUTRAL = 1e-6  # 1/s
 _SAME = 1e-7  # relative to the fastest root asked for: two roots that are one
+_CLOSE = 1e-9  # relative step of Newton's method below which only rounding keeps it from falling further
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,15 +182,23 @@ def _lagrange(nodes: Array, weights: Array, at: float) -> Array:
 
 
 def _polish(loop: DelayLoop, s: complex) -> complex | None:
-    """The root near ``s`` by Newton's method on (v, s); ``None`` where it goes elsewhere."""
-    start = s
-    *_, right = np.linalg.svd(loop.characteristic(s))
+    """The root near ``s`` by Newton's method on (v, s); ``None`` where it goes elsewhere.
+
+    Its steps end where they stop falling, which large gains let them do long before the last bit of s. States are
+    balanced, so that their units do not decide which v it begins with.
+    """
+    from scipy.linalg import matrix_balance
+
+    start, before = s, np.inf
+    scale = matrix_balance(np.abs(loop.characteristic(s)), permute=False, separate=True)[1][0]
+    units = scale / scale[:, None]
+    *_, right = np.linalg.svd(loop.characteristic(s) * units)
     N = len(right)
     v = right[-1].conj()
     fixed = v.conj()
     for _ in range(30):
-        delta = loop.characteristic(s)
-        system = np.block([[delta, (loop.slope(s) @ v)[:, None]], [fixed[None, :], np.zeros((1, 1))]])
+        delta = loop.characteristic(s) * units
+        system = np.block([[delta, (loop.slope(s) * units @ v)[:, None]], [fixed[None, :], np.zeros((1, 1))]])
         try:
             step = np.linalg.solve(system, -np.append(delta @ v, fixed @ v - 1))
         except np.linalg.LinAlgError:
@@ -197,8 +206,10 @@ def _polish(loop: DelayLoop, s: complex) -> complex | None:
         v, s = v + step[:N], s + complex(step[N])
         if not np.isfinite(s):
             return None
-        if abs(step[N]) <= 1e-14 * (1 + abs(s)):
+        moved = abs(step[N]) / (1 + abs(s))
+        if moved <= 1e-14 or before <= moved < _CLOSE:
             break
+        before = moved
     else:
         return None
     return s if abs(s - start) <= 0.1 * (1 + abs(start)) else None

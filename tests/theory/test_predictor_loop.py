@@ -6,6 +6,7 @@ import linear_cases
 import numpy as np
 import pytest
 from linear_cases import pendulum_design
+from theory_cases import three_link_design
 
 from icmj import Delay, PredictorController
 from icmj.controller.setpoint import Target, setpoint, step
@@ -139,3 +140,18 @@ def test_what_is_wrong_is_said() -> None:
     unstable = PredictorController(replace(design, k=0 * design.k), Delay(0.1))
     with pytest.raises(AnalysisError, match="not stable"):
         predictor_covariance(unstable, 1.0)
+
+
+def test_large_gains_let_no_step_fall_to_the_last_bit_and_roots_are_found_all_the_same() -> None:
+    """The three-link person with gains of 5e4 and 1e3/s, whose poles are known while the model is exact."""
+    design, some = three_link_design(), Delay(0.1)
+    expected = poles(design)
+    found = rightmost_roots(predictor_loop(design.plant, PredictorController(design, some)), 4)
+    assert len(found) == 4
+    for root in found:
+        assert np.abs(expected - root).min() < 1e-9 * abs(root)
+    # with another model each solves the equation as well as its neighbours in floating point do
+    loop = predictor_loop(design.plant.scaled(0.9), PredictorController(design, some))
+    for root in rightmost_roots(loop, 4):
+        step = 1 / np.trace(np.linalg.solve(loop.characteristic(complex(root)), loop.slope(complex(root))))
+        assert abs(step) < 1e-9 * abs(root)
