@@ -294,7 +294,7 @@ class Cycle:
         interval_error: relative error of the mean interval due to the step of the integrator; 0 on the linear plant.
         neutral: number of directions in which the cycle is not isolated; their multipliers are ±1.
         alternating: whether it is a mirrored one of a family of cycles of two unequal intervals, as with a zero-order
-            hold; one multiplier is then +1 by the structure of the loop.
+            hold and no predicted delay; one multiplier is then +1 by the structure of the loop.
     """
 
     plant: PlantKind

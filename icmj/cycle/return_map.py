@@ -215,8 +215,8 @@ class ReturnMap:
 
     def is_alternating(self, p: int, sign: int) -> bool:
         """Whether its mirrored cycles are members of families; see :func:`icmj.theory.orbit.is_alternating`."""
-        held = self.controller.hold.A_h
-        return p == 1 and sign < 0 and not self.controller.delay and stands_still(self.controller.faces.R, held)
+        held, predicted = self.controller.hold.A_h, self.controller.delay.predicted
+        return p == 1 and sign < 0 and not predicted and stands_still(self.controller.faces.R, held)
 
     def another(self) -> ReturnMap:
         """The same map for another thread."""

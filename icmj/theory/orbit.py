@@ -371,15 +371,17 @@ def stands_still(R: Array, A_h: Array) -> bool:
 def is_alternating(system: ErrorSystem, trigger: EventRule, orbit: Orbit, reduced: Reduction) -> bool:
     """Whether the mirrored orbit is one of a family of cycles of two unequal intervals, by the structure of the loop.
 
-    Where what the rule sees of the hold stands still between events (a zero-order hold) and nothing is delayed, the
-    error at an event is what the observer has moved since the last. So over two intervals that close, the second
-    event's error is minus the first's: one condition on the state at an event is met by itself, and J has the
-    multiplier +1. Its left eigenvector is the gradient of E on x_o; along neutral modes that this sees there is drift.
+    Where what the rule sees of the hold stands still between events (a zero-order hold) and no delay is predicted, so
+    that an action sets the hold to what the observer was at its event, the error at an event is what the observer has
+    moved since the last. So over two intervals that close, the second event's error is minus the first's: one condition
+    on the state at an event is met by itself, and J has the multiplier +1. Its left eigenvector is the gradient of E on
+    x_o; along neutral modes that this sees there is drift.
     """
-    if orbit.sign > 0 or system.delay or not np.isfinite(orbit.gamma):
+    if orbit.sign > 0 or system.delay.predicted or not np.isfinite(orbit.gamma):
         return False
     faces, A_h = trigger.faces(system.design), (system.hold or system_matched(system.design)).A_h
-    x_o, e = np.hstack([system.T_hat, np.eye(system.n_hat)]), orbit.e_hp[-1]
+    one = np.eye(system.n_hat)
+    x_o, e = np.hstack([system.T_hat, one, 0 * one]) @ system.lift, orbit.e_hp[-1]
     for face in _find_ties(faces.squares(faces.R @ e)):
         R = faces.R[faces.rows(int(face))]
         if not stands_still(R, A_h) or reduced.shown_by((R @ e)[None] @ R @ x_o).any():

@@ -1,5 +1,7 @@
 """Repeated eigenvalues: systems put side by side with themselves, their states mixed, against one of them alone."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
@@ -16,6 +18,7 @@ from theory_cases import (
 )
 
 from icmj import Controller, Delay, Design, EventTrigger, LinearPlant, Settings, predict, system_matched, zero_order
+from icmj.controller.design import NO_DELAY
 from icmj.linear.run import simulate
 from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system
@@ -203,24 +206,30 @@ def events_beside(system: ErrorSystem, hold, rule, orbit, seed: int, events: int
     size, rng = np.linalg.norm(orbit.x_bar), np.random.default_rng(seed)
     away = rng.normal(size=len(orbit.x_bar))
     start = whole(system, orbit.x_bar + 1e-3 * size * away / np.linalg.norm(away))
-    x, x_o, _ = np.split(start, [system.n, system.n + system.n_hat])
+    x, x_o, x_h = np.split(start, [system.n, system.n + system.n_hat])
     settings = Settings(duration=(events + 2) * orbit.delta, record_interval=1e3, limit=1e6)
-    run = simulate(system.actual, Controller(system.design, hold, rule), settings, x0=x, x_o0=x_o).events
-    return system.from_original(np.hstack([run.x, run.x_o, run.x_o]))[:, : len(orbit.x_bar)] / size
+    controller = Controller(system.design, hold, rule, system.delay)
+    run = simulate(system.actual, controller, settings, x0=x, x_o0=x_o, x_h0=x_h).events
+    held = run.x_h if system.delay else run.x_o
+    return system.from_original(np.hstack([run.x, run.x_o, held]))[:, : len(orbit.x_bar)] / size
 
 
-def test_with_a_zero_order_hold_a_mirrored_orbit_is_one_of_a_family_and_runs_settle_beside_it():
-    """One multiplier is +1 by structure: it neither makes an orbit repel nor leaves it isolated."""
+def assert_such_families(systems: Iterator[ErrorSystem], delays: list[Delay]) -> tuple[int, int]:
+    """One multiplier is +1 by structure: it neither makes an orbit repel nor leaves it isolated.
+
+    Returns:
+        beside how many orbits runs settled, and how many they left.
+    """
     settled, left = 0, 0
-    for seed, matched in enumerate(random_systems(5, 40)):
+    for seed, (matched, delay) in enumerate(zip(systems, delays, strict=True)):
         hold, rule = zero_order(matched.design), EventTrigger(np.eye(matched.n_hat), 0.01, 1e-4)
-        system = error_system(matched.actual, matched.design, hold)
+        system = error_system(matched.actual, matched.design, hold, delay=delay)
         p = predict(system, rule, delta_max=2.0)
         if p.verdict not in ("family", "repelling"):
             assert p.verdict != "attracting"
             continue
-        J = jacobian(system, rule, p.orbit)
-        row = p.orbit.e_hp[-1] @ np.hstack([system.T_hat, np.eye(system.n_hat)])
+        J, one = jacobian(system, rule, p.orbit), np.eye(system.n_hat)
+        row = p.orbit.e_hp[-1] @ np.hstack([system.T_hat, one, 0 * one]) @ system.lift
         np.testing.assert_allclose(row @ J, row, atol=1e-7 * np.abs(row).max() * np.abs(J).max())
         assert len(p.multipliers) == len(J) - 1
         largest = np.abs(p.multipliers).max()
@@ -236,13 +245,28 @@ def test_with_a_zero_order_hold_a_mirrored_orbit_is_one_of_a_family_and_runs_set
         else:
             assert gap > 0.05
             left += 1
+    return settled, left
+
+
+def test_with_a_zero_order_hold_a_mirrored_orbit_is_one_of_a_family_and_runs_settle_beside_it():
+    settled, left = assert_such_families(random_systems(5, 40), [NO_DELAY] * 40)
     assert settled >= 8
     assert left >= 5
 
 
-def test_a_zero_order_hold_has_no_such_family_with_a_delay():
+@pytest.mark.slow
+def test_a_delay_that_is_not_predicted_leaves_such_families():
+    """An action sets the hold to what the observer was at its event, however late it is."""
+    delays = [Delay(t_d, 0.0) for t_d in np.random.default_rng(6).uniform(0.01, 0.12, 40)]
+    settled, left = assert_such_families(random_systems(5, 40), delays)
+    assert settled >= 8
+    assert left >= 5
+
+
+@pytest.mark.parametrize("predicted", [0.05, 0.02])
+def test_a_zero_order_hold_has_no_such_family_with_a_predicted_delay(predicted):
     design = pendulum_design()
-    system = error_system(pendulum(1.2), design, zero_order(design), delay=Delay(0.05, 0.05))
+    system = error_system(pendulum(1.2), design, zero_order(design), delay=Delay(0.05, predicted))
     p = predict(system, EventTrigger(np.eye(2), 0.01))
     assert p.eigenvalue == -1
     assert len(p.multipliers) == 6
