@@ -271,10 +271,13 @@ class Search:
         crossings: by rising Δ.
         delta_end: end of the interval searched [s]: ``delta_max``, or earlier where φ has grown so large that
             eigenvalues near the circle drown in its rounding (‖φ‖ > 1e8 in balanced coordinates).
+        unresolved: first and last Δ of each part of it [s] over which the number of eigenvalues outside changes by more
+            or less than the crossings found explain.
     """
 
     crossings: tuple[Crossing, ...]
     delta_end: float
+    unresolved: tuple[tuple[float, float], ...] = ()
 
 
 def change_outside(crossing: Crossing) -> int:

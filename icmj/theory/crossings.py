@@ -13,7 +13,7 @@ iff that is stable, and this departure is not a crossing. The functions are made
 circle (:mod:`icmj.theory.circle`), represented by Chebyshev interpolants on panels, halved until the coefficients
 have decayed; all their zeros on a panel follow from a colleague matrix. Zeros close together are zoomed into until they
 separate. Then the crossings found must explain the change in the number of eigenvalues outside the circle over each
-panel, or the panel is halved again.
+panel, or the panel is halved again; what the shortest panels leave unexplained is part of the result.
 
 The search counts time in a unit of its own, so that bounds hold of a plant in any unit of time: a power of two, which
 changes no digit, near a third of the interval searched.
@@ -153,6 +153,7 @@ class _Finder:
         left: Array = np.asarray(start + width * np.arange(_PANELS), dtype=float)
         tails = np.full(_PANELS, np.inf)
         found: list[Crossing] = []
+        unexplained: list[tuple[float, float, int]] = []
         taken = 0
         for depth in range(_DEPTH + 1):
             taken += len(left)
@@ -183,6 +184,8 @@ class _Finder:
                     here = rough if explained == change else here
                 if depth == _DEPTH or explained == change:
                     found += here
+                    if explained != change:
+                        unexplained.append((float(left[m]), float(left[m] + width), change - explained))
                 else:
                     resolved[m] = False
             halve = left[~resolved]
@@ -193,7 +196,8 @@ class _Finder:
             left = np.column_stack([halve, halve + width]).reshape(-1)
             tails = np.repeat(decay[~resolved], 2)
         found = [c for c in found if start < c.delta <= end]
-        return Search(tuple(distinct(sorted(found, key=lambda c: c.delta), self.resolution)), float(end))
+        apart = tuple(distinct(sorted(found, key=lambda c: c.delta), self.resolution))
+        return Search(apart, float(end), _join(unexplained))
 
     def _clear(self, end: float) -> float:
         """``end``, or the last Δ before it at which φ has not outgrown its rounding."""
@@ -315,6 +319,21 @@ class _Finder:
             ]
             step += sign * int((close > 1).sum())
         return {"tangent" if not step else "rising" if step > 0 else "falling": at.count}
+
+
+def _join(parts: list[tuple[float, float, int]]) -> tuple[tuple[float, float], ...]:
+    """Parts (first, last, count unexplained) that touch as one, without those whose counts cancel.
+
+    An eigenvalue that is on the circle to rounding where two panels meet is one too many in one, and one too few in the
+    other.
+    """
+    joined: list[tuple[float, float, int]] = []
+    for first, last, count in sorted(parts):
+        if joined and first <= joined[-1][1] * (1 + 1e-12):
+            begin, _, before = joined.pop()
+            first, count = begin, before + count
+        joined.append((first, last, count))
+    return tuple((first, last) for first, last, count in joined if count)
 
 
 REACH = 4

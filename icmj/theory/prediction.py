@@ -238,6 +238,8 @@ class Prediction(WithCard):
         growing: whether the largest |λ| still grows at ``delta_max``.
         outputs, output_units: names and units of the outputs; empty if unknown.
         others: the orbits at the other crossings at ±1, by rising Δ.
+        unresolved: parts of the interval searched, first and last Δ [s], in which crossings may be missing, because
+            rounding hides how eigenvalues pass the circle there.
     """
 
     delta_crit: float | None
@@ -262,6 +264,7 @@ class Prediction(WithCard):
     outputs: tuple[str, ...] = ()
     output_units: tuple[str, ...] = ()
     others: tuple[PredictedOrbit, ...] = ()
+    unresolved: tuple[tuple[float, float], ...] = ()
 
     @property
     def orbits(self) -> tuple[PredictedOrbit, ...]:
@@ -309,13 +312,18 @@ class Prediction(WithCard):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks on the numbers: on neutral modes, on a family, and on missing numbers."""
+        """Remarks on the numbers: on neutral modes, on a family, on missing numbers, and on what is not resolved."""
         family = () if self.family is None else (self.family.words,)
         if self.verdict == "family" and self.family is None:
             family = (ALTERNATING,)
         missing = (f"a dash stands where there is no number: {self.missing}",) if self.missing else ()
         falls = () if self.observer_feedback_stable or not self.cycle else (FALLS,)
-        return (*(mode.words for mode in self.neutral), *family, *falls, *missing)
+        unresolved = tuple(
+            f"crossings may be missing between {first:.6g} and {last:.6g} s, where rounding hides how eigenvalues pass "
+            "the unit circle; look for gains or rates that are out of proportion"
+            for first, last in self.unresolved
+        )
+        return (*(mode.words for mode in self.neutral), *family, *falls, *missing, *unresolved)
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
@@ -389,6 +397,7 @@ def predict(
         outputs=system.actual.outputs,
         output_units=system.actual.output_units,
         others=orbits,
+        unresolved=found.unresolved,
     )
     if paper is None:
         return nothing
