@@ -98,15 +98,16 @@ def test_the_page_has_commands_and_what_they_show(root):
     assert kinds.count("sh") >= 5
 
 
-def test_commands_of_the_readme_s_tiles_name_what_is_there(root):
+def test_commands_of_the_readme_s_questions_name_what_is_there(root):
     """They named files that a clone does not have; a file that one command writes serves the next."""
     from icmj.cli.main import parse
 
     page = (root / "README.md").read_text(encoding="utf-8")
-    tiles = re.findall(r"<code>((?:icmj|python) [^<]*)</code>", page.split("## Two commands")[0])
-    assert len(tiles) >= 7
+    table = page.partition("## What you can ask")[2].partition("## Two commands")[0]
+    commands = re.findall(r"`((?:icmj|python) [^`]*)`", table)
+    assert len(commands) >= 7
     written: set[str] = set()
-    for command in (shlex.split(tile) for tile in tiles if tile != "icmj replay"):
+    for command in map(shlex.split, commands):
         files = [word for word in command if re.search(r"\.(csv|py|toml|xml|html)$", word) and word not in written]
         if command[0] == "icmj":
             parse(command[1:])

@@ -1,4 +1,4 @@
-"""The command line: a thin shell over the API, and what becomes of errors and signals there (docs/promises.md).
+"""The command line: a thin shell over the API, and what becomes of errors and signals there (docs/command_line.md).
 
 The parser of a command is made of the class of its arguments; words that make no command are told in one line, with
 what was probably meant.

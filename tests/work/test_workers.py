@@ -84,7 +84,7 @@ def test_what_cannot_be_sent_back_is_an_error() -> None:
 
 
 def test_a_script_without_a_guard_is_not_run_again_and_its_own_functions_reach_them(tmp_path: Path) -> None:
-    """As the script in docs/many.md, and one in a notebook: it was "Can't pickle", or a process that died."""
+    """As the script in docs/sweeps.md, and one in a notebook: it was "Can't pickle", or a process that died."""
     script = tmp_path / "script.py"
     script.write_text(
         "from icmj.work.workers import Task, Workers\n"
