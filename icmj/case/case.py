@@ -21,7 +21,7 @@ from icmj.base.array import Array
 from icmj.base.numbers import Card, WithCard, count
 from icmj.base.process import limit_to_one_thread
 from icmj.base.text import did_you_mean, one_line
-from icmj.case.noise import small_noise
+from icmj.case.noise import refuse_beyond_theory, small_noise
 from icmj.case.plants import (
     AnyPlant,
     actual_plant,
@@ -273,9 +273,7 @@ class Case(WithCard):
                 follows a set-point or samples late; see :func:`icmj.theory.predict_spread`.
         """
         theory = expect_theory(self, "a predicted spread")
-        if self.setpoint or self.run.intermittent.sampling_delay:
-            what = "with a set-point" if self.setpoint else "with a sampling delay"
-            raise AnalysisError(f"no spread is predicted {what}, of which the linear theory says nothing; simulate")
+        refuse_beyond_theory(self.run)
         if theory.prediction.orbit is None:
             raise AnalysisError("no spread is predicted without an orbit; simulate")
         plant = match_ports(linear_plant(self.actual, self.settings), self.controller.plant, "position")

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from icmj.controller.trigger import EventRule
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
+from icmj.runfile.schema import RunFile
 from icmj.simulation.disturbance import LOW_PASS_END, acting_on
 from icmj.simulation.settings import Gaussian, Impulse, Noise, Settings, Source
-from icmj.theory.spread import SmallNoise
+from icmj.theory.error_system import error_system
+from icmj.theory.orbit import Orbit
+from icmj.theory.spread import SmallNoise, Spread, predict_spread
+
+if TYPE_CHECKING:
+    from icmj.case.result import PredictedResult
 
 
 def small_noise(plant: LinearPlant, settings: Settings) -> tuple[SmallNoise, ...]:
@@ -40,6 +48,30 @@ def small_noise(plant: LinearPlant, settings: Settings) -> tuple[SmallNoise, ...
         known = found.setdefault(signal, replace(noise, rate=0 * noise.rate, reading=0 * noise.reading))
         found[signal] = replace(known, rate=known.rate + noise.rate, reading=known.reading + noise.reading)
     return tuple(found.values())
+
+
+def spread_about(result: PredictedResult, orbit: Orbit) -> Spread:
+    """How the intervals vary about an orbit under the noise of the run that a result is of.
+
+    Raises:
+        AnalysisError: if that is not predicted; see :meth:`icmj.Case.spread`.
+    """
+    refuse_beyond_theory(result.run)
+    by, settings = result.controller, result.run.simulation.settings()
+    assert isinstance(by.trigger, EventRule)
+    system = error_system(result.actual, by.design, by.hold, delay=by.delay, match="position")
+    return predict_spread(system, by.trigger, orbit, small_noise(system.actual, settings))
+
+
+def refuse_beyond_theory(run: RunFile) -> None:
+    """Refuse a run with a set-point or a sampling delay.
+
+    Raises:
+        AnalysisError: if it has one.
+    """
+    if run.setpoint or run.intermittent.sampling_delay:
+        what = "with a set-point" if run.setpoint else "with a sampling delay"
+        raise AnalysisError(f"no spread is predicted {what}, of which the linear theory says nothing; simulate")
 
 
 def _signals(plant: LinearPlant, sources: Sequence[Source]) -> Iterator[tuple[tuple[object, ...], SmallNoise]]:

@@ -35,6 +35,7 @@ from icmj.report.panels import (
     acting_inputs,
     draw_acting,
     draw_critical,
+    draw_hold_error,
     draw_interval_errors,
     draw_intervals,
     draw_mode_errors,
@@ -202,6 +203,14 @@ def pressure(axes: Axes, *results: Result, axis: str | None = None, legend: bool
         raise ReportError(f"case {case.name!r}: {why}")
     draw_pressure(axes, case, axis or there[0])
     return _legend(axes, legend)
+
+
+def hold_error(axes: Axes, *results: Result, legend: bool = True) -> Axes:
+    """(i) Size of the hold error in thresholds over the time since the event, in each of the last intervals.
+
+    With the predicted orbit; in runs under noise with ± 2 predicted standard deviations, where those are predicted.
+    """
+    return _panel(draw_hold_error, axes, results, legend)
 
 
 def validity(axes: Axes, swept: SweepTable, x: str, y: str, *, plant: str | None = None, legend: bool = True) -> Axes:

@@ -17,7 +17,7 @@ truncation is therefore a spectral density, that of as many noise states as it h
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import factorial
 
@@ -88,6 +88,8 @@ class Spread(WithCard):
             threshold.
         covariance: of the deviation of the state at events from the orbit, shape (N_w, N_w); see
             ``x_bar`` of the orbit. On an orbit with λ = −1 every second state is mirrored.
+        t: times since the event, from its action to the nominal next event [s], shape (129,).
+        hold_error: standard deviation of the size of the hold error then, relative to the threshold, shape (129,).
     """
 
     interval: float
@@ -96,6 +98,8 @@ class Spread(WithCard):
     shift: float
     epsilon: float
     covariance: Array
+    t: Array
+    hold_error: Array
 
     @property
     def words(self) -> str:
@@ -288,33 +292,50 @@ class _Beside:
             shift=float(h @ (self.Phi @ mean + later)) + early,
             epsilon=float(np.sqrt(self.gradient @ M @ self.gradient)) / (2 * self.faces.unit),
             covariance=self.reduced.lift @ self.P[:seen, :seen] @ self.reduced.lift.T,
+            t=np.linspace(self.system.delay.t_d, self.orbit.delta, _STEPS + 1),
+            hold_error=np.array([across[int(size.argmax())] for size, across in self.follow(_STEPS)]),
         )
+
+    def follow(self, steps: int) -> Iterator[tuple[Array, Array]]:
+        """The size of the hold error on each face, in thresholds, and its standard deviation; shapes (F,), (F,).
+
+        They are those at the action of an event and at the end of each of so many steps, of which ``_STEPS`` make an
+        interval.
+        """
+        N, T_t, faces = len(self.start), self.system.T_t, self.faces
+        step, fresh = gather(self.A, self.Q, (self.orbit.delta - self.system.delay.t_d) / _STEPS)
+        X, M = self.start, self.enter @ self.P @ self.enter.T + self.entered
+        for reached in range(steps + 1):
+            if reached:
+                X, M = step[:N, :N] @ X, step @ M @ step.T + fresh
+            e, spread = T_t @ X, T_t @ M[:N, :N] @ T_t.T
+            sizes, deviations = np.zeros(len(faces)), np.zeros(len(faces))
+            for face in range(len(faces)):
+                R = faces.R[faces.rows(face)]
+                sizes[face] = np.linalg.norm(R @ e)
+                across = (R @ e) @ R / (sizes[face] or np.finfo(float).tiny)
+                deviations[face] = np.sqrt(max(across @ spread @ across, 0.0))
+            yield sizes, deviations
 
     def obstacle(self) -> str:
         """What else than the event on the active face may come within the spread; empty if nothing does."""
-        N, T_t, delta, t_d = len(self.start), self.system.T_t, self.orbit.delta, self.system.delay.t_d
-        faces, active = self.faces, self.faces.active(T_t @ self.orbit.X[-1])
-        step, fresh = gather(self.A, self.Q, (delta - t_d) / _STEPS)
-        X, M = self.start, self.enter @ self.P @ self.enter.T + self.entered
-        last, steps = np.inf, int(np.ceil(_STEPS * (1 + 4 * self.deviation / (delta - t_d))))
-        for reached in range(1, steps + 1):
-            X, M = step[:N, :N] @ X, step @ M @ step.T + fresh
-            e, spread = T_t @ X, T_t @ M[:N, :N] @ T_t.T
-            for face in range(len(faces)):
-                R = faces.R[faces.rows(face)]
-                size = float(np.linalg.norm(R @ e)) or np.finfo(float).tiny
-                across = (R @ e) @ R / size
-                apart = (1 - size) / float(np.sqrt(across @ spread @ across) or np.finfo(float).tiny)
+        active, flight = self.faces.active(self.system.T_t @ self.orbit.X[-1]), self.orbit.delta - self.system.delay.t_d
+        last, steps = np.inf, int(np.ceil(_STEPS * (1 + 4 * self.deviation / flight)))
+        for reached, (sizes, deviations) in enumerate(self.follow(steps)):
+            if not reached:
+                continue
+            apart = (1 - sizes) / np.where(deviations > 0, deviations, np.finfo(float).tiny)
+            for face in range(len(sizes)):
                 if face != active:
-                    if apart < _APART:
+                    if apart[face] < _APART:
                         return "noise lets another face of the event rule end the interval"
                     continue
-                if apart < -_APART:
+                if apart[face] < -_APART:
                     return ""
-                if abs(apart) < _APART and apart > last:
+                if abs(apart[face]) < _APART and apart[face] > last:
                     when = "before" if reached < _STEPS else "after"
                     return f"within the noise the event function turns back {when} the event"
-                last = apart
+                last = apart[face]
         return ""
 
 

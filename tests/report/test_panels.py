@@ -6,10 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from report_cases import CASES, result
+from report_cases import CASES, result, run_text
 from scipy.linalg import expm
 
+from icmj import parse_run
+from icmj.case.noise import spread_about
 from icmj.case.result import latter_part, reduce_state
+from icmj.linear.run import simulate
 from icmj.report import panels, style
 from icmj.report.figures import shown_locus
 from icmj.report.panels import Panel
@@ -117,7 +120,7 @@ def pressed(found):
 
 def test_a_case_has_the_further_panels_that_it_has_something_for():
     found = result("three-link", "mujoco")
-    acting, pressure = panels.MORE
+    acting, pressure, _ = panels.MORE
     plain = pair([found])[0]
     assert not acting.there(plain)
     assert not pressure.there(plain)
@@ -141,6 +144,41 @@ def test_a_case_has_the_further_panels_that_it_has_something_for():
     drawn = line(figure.axes[0], "linear")
     assert drawn[:, 1].max() == pytest.approx(1e3 * both.linear.simulation.y[:, 0].max())
     assert "is unloaded by" in pressure.caption(both)
+
+
+def test_a_run_under_noise_has_its_hold_error_beside_the_predicted_orbit_with_its_spread():
+    panel, quiet = panels.MORE[-1], result("b1.2")
+    assert not panel.there(pair([quiet])[0])
+    noise = '[[simulation.disturbance]]\nkind = "gaussian"\noutput = "angle"\nsize = 3e-4\ninterval = 0.01\nseed = 1\n'
+    run = parse_run(run_text("b1.2") + noise)
+    simulation = simulate(quiet.actual, quiet.controller, run.simulation.settings())
+    case = pair([replace(quiet, run=run, simulation=simulation)])[0]
+    assert panel.there(case)
+    figure = panel.draw(case)
+    assert_legible(figure)
+    (axes,) = figure.axes
+    assert {text.get_text() for text in figure.legends[0].get_texts()} == {"± 2 SD", "predicted", "linear", "threshold"}
+    drawn = [line.get_xydata() for line in axes.lines if line.get_color() == style.RUN["linear"]["color"]]
+    assert len(drawn) == panels.SHOWN
+    last = simulation.events.interval[-panels.SHOWN :]
+    for line_of_run, interval in zip(drawn, last, strict=True):
+        np.testing.assert_allclose(line_of_run[[0, -1]], [[0, 0], [interval, 1]], atol=1e-9)
+    predicted = line(axes, "predicted")
+    np.testing.assert_allclose(predicted[[0, -1]], [[0, 0], [case.prediction.delta_crit, 1]], atol=1e-9)
+    # the band is as wide at the end as the deviation at the nominal event says, and nearly every interval is within it
+    (band,) = axes.collections
+    border = band.get_paths()[0].vertices
+    spread = spread_about(case.last, case.prediction.orbit)
+    assert border[:, 1].max() == pytest.approx(1 + 2 * spread.epsilon)
+    at = 0.6 * case.prediction.delta_crit
+    middle, off = np.interp(at, *predicted.T), 2 * np.interp(at, spread.t, spread.hold_error)
+    inside = [abs(np.interp(at, *each.T) - middle) < 1.5 * off for each in drawn]
+    assert all(inside)
+    assert "2 predicted standard deviations" in panel.caption(case)
+    free = replace(quiet.prediction, cycle=False, verdict="repelling")
+    alone = pair([replace(case.last, prediction=free)])[0]
+    assert "predicted" not in panel.caption(alone)
+    assert not panel.draw(alone).axes[0].collections
 
 
 def test_a_panel_without_a_caption_cannot_be():

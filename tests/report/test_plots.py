@@ -114,6 +114,25 @@ def test_a_run_under_noise_is_drawn(function):
         getattr(PLOTS, function)(right, result("b0.8"))
 
 
+def test_the_hold_error_of_a_settled_run_lies_on_the_predicted_orbit():
+    _, left, right = axes_of_mine()
+    PLOTS.hold_error(right, result("b1.2"))
+    assert not left.has_data()
+    lines = dict(contents(right))
+    predicted = lines["predicted"]
+    assert lines["threshold"][:, 1] == pytest.approx(1)
+    runs = [points for label, points in contents(right) if label == "linear" or label.startswith("_")]
+    assert len(runs) >= 3
+    for points in runs:
+        assert points[-1] == pytest.approx(predicted[-1], rel=1e-3)
+        # the polygon through 256 points of the orbit is that near to its curve
+        np.testing.assert_allclose(points[:, 1], np.interp(points[:, 0], *predicted.T), atol=2e-3)
+    found = result("b1.2")
+    started = simulate(found.actual, found.controller, replace(found.run.simulation.settings(), duration=0.5))
+    with pytest.raises(ReportError, match="no complete interval"):
+        PLOTS.hold_error(right, replace(found, simulation=started))
+
+
 def test_the_amplitude_law_and_the_norm_are_drawn():
     _, _, axes = axes_of_mine()
     PLOTS.amplitude_law(axes, result("three-link", "mujoco"))
