@@ -314,7 +314,7 @@ class _Beside:
                 R = faces.R[faces.rows(face)]
                 sizes[face] = np.linalg.norm(R @ e)
                 across = (R @ e) @ R / (sizes[face] or np.finfo(float).tiny)
-                deviations[face] = np.sqrt(max(across @ spread @ across, 0.0))
+                deviations[face] = np.sqrt(np.maximum(across @ spread @ across, 0.0))
             yield sizes, deviations
 
     def obstacle(self) -> str:
