@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -58,9 +58,8 @@ def spread_about(result: PredictedResult, orbit: Orbit) -> Spread:
     """
     refuse_beyond_theory(result.run)
     by, settings = result.controller, result.run.simulation.settings()
-    assert isinstance(by.trigger, EventRule)
     system = error_system(result.actual, by.design, by.hold, delay=by.delay, match="position")
-    return predict_spread(system, by.trigger, orbit, small_noise(system.actual, settings))
+    return predict_spread(system, cast(EventRule, by.trigger), orbit, small_noise(system.actual, settings))
 
 
 def refuse_beyond_theory(run: RunFile) -> None:
