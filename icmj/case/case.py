@@ -40,8 +40,8 @@ from icmj.engine.reaction import with_pressure
 from icmj.errors import AnalysisError, DesignError, IcmjError, RunFileError, SimulationError, expect, prefix_errors
 from icmj.plant.linear_plant import LinearPlant, Match, expect_linear, match_ports
 from icmj.plant.quality import Notice, permit
-from icmj.runfile.control_tables import SetpointTable
 from icmj.runfile.schema import RunFile
+from icmj.runfile.target import TargetTable
 from icmj.simulation.disturbance import expect_held, expected, realised
 from icmj.simulation.ending import OpenLoop
 from icmj.simulation.settings import Noise, Settings
@@ -168,7 +168,7 @@ def check_names(run: RunFile, assumed: LinearPlant, plant: AnyPlant) -> None:
             raise RunFileError(f"{run.path}: {key} names {name!r}, which the model lacks{hint}")
 
 
-def expect_known(run: RunFile, duration: float, end: float, setpoints: Sequence[SetpointTable] = ()) -> None:
+def expect_known(run: RunFile, duration: float, end: float, setpoints: Sequence[TargetTable] = ()) -> None:
     """Refuse a duration [s] beyond the ``end`` [s] to which what came from code or a file, or is a sequence, is known.
 
     Raises:
@@ -176,7 +176,7 @@ def expect_known(run: RunFile, duration: float, end: float, setpoints: Sequence[
     """
     made_by = (vars(table).get("made_by") for table in run.simulation.disturbance)
     known = [f"disturbance from {origin}" for origin in made_by if origin]
-    known += [f"set-point of kind {table.kind!r}" for table in setpoints if table.kind in ("ternary", "file")]
+    known += [f"set-point of kind {table.kind!r}" for table in setpoints if table.ends_with_run]
     if known and duration > end:
         raise RunFileError(
             f"{run.path}: its {known[0]} is known for a run of {end:g} s, not of {duration:g} s; set "

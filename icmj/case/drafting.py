@@ -24,7 +24,6 @@ from icmj.plant.body import OperatingKind, OperatingRule, Selection
 from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.experiment_tables import KINDS as STIMULI
 from icmj.runfile.reading import parse_run
-from icmj.runfile.run_tables import NoiseTable
 from icmj.runfile.schema import RunFile, key_text, value_text
 from icmj.runfile.sweep_tables import KINDS, docstrings
 from icmj.runfile.table import TomlTable
@@ -495,9 +494,10 @@ def _family_values(name: str, run: str, base: RunFile, names: Names, stimulus: s
     if isinstance(threshold, float):
         parameters.append(_parameter_values("q_t", "threshold", "", {"controller.q_t": 1.0}, threshold))
     sizes = {
-        f"simulation.disturbance[{i}].size": source.size
+        f"simulation.disturbance[{i}].size": size
         for i, source in enumerate(base.simulation.disturbance)
-        if isinstance(source, NoiseTable) and source.size and source.input in names.inputs
+        if source.unknown_size and getattr(source, "input", None) in names.inputs
+        if (size := getattr(source, "size", None))
     }
     if sizes:
         first = next(iter(sizes.values()))

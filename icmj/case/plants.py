@@ -40,10 +40,10 @@ from icmj.errors import AnalysisError, DesignError, IcmjError, RunFileError, exp
 from icmj.plant.body import Activation, Selection
 from icmj.plant.linear_plant import LinearPlant, Match, deviate, expect_linear, match_ports, refuse_unusual
 from icmj.plant.quality import MatrixPlant, uncontrollable
-from icmj.runfile.control_tables import Parts, Weights, find_files, targets
+from icmj.runfile.control_tables import Parts, Weights
 from icmj.runfile.plant_tables import LETTERS, PlantTable
-from icmj.runfile.run_tables import FileTable
 from icmj.runfile.schema import RunFile
+from icmj.runfile.target import find_files, make_targets
 from icmj.simulation.settings import Settings
 from icmj.work.folder import digest_of
 from icmj.work.own_code import REFERENCE
@@ -90,7 +90,7 @@ def digests(run: RunFile) -> dict[str, str]:
     """
     home, found = run.path.parent, {}
     files = [*plant_files(run)]
-    files += [home / table.file for table in run.simulation.disturbance if isinstance(table, FileTable)]
+    files += [home / name for table in run.simulation.disturbance for name in table.files]
     for reference in sorted(set(references(run.model_dump()))) if run.code.allowed else ():
         found[reference] = run.code.digest(reference)
         files += run.code.sources(reference)
@@ -413,7 +413,7 @@ def setpoint_of(run: RunFile, assumed: LinearPlant) -> Setpoint | None:
     Raises:
         RunFileError, AnalysisError: if a file of it cannot be read, or the assumed plant has no such set-point.
     """
-    return setpoint(assumed, targets(run.setpoint, run.simulation.duration, run.path))
+    return setpoint(assumed, make_targets(run.drawn().setpoint, run.simulation.duration, run.path))
 
 
 def make_design(plant: LinearPlant, weights: Weights) -> Design:

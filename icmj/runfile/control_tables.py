@@ -1,45 +1,30 @@
-"""The tables of the controller: weights of its design, hold and event rule, set-point, and range of the analysis.
+"""The tables of the controller: weights of its design, hold and event rule, and range of the analysis.
 
 The tables of controllers that are not intermittent; ``[controller] kind`` selects one.
-
-The tables of a set-point r(t): its target quantity and its course.
 """
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from icmj.base.array import MOST_ENTRIES, Array, Finite, NonNegative, Positive, instants, real
+from icmj.base.array import MOST_ENTRIES, Finite, NonNegative, Positive, real
 from icmj.controller.controller import Controller, Law, expect_law
 from icmj.controller.delayed import Channel, DelayedPID, PredictorController, SwitchingChannels, SwitchingPD, slope_of
 from icmj.controller.design import HOLDS, Delay, Design, Hold
 from icmj.controller.setpoint import (
     Setpoint,
-    StepPairs,
-    Target,
-    double_steps,
-    polygon,
-    pulse,
-    ramp,
-    sines,
-    step,
-    ternary,
 )
 from icmj.controller.trigger import BoxTrigger, EventRule, EventTrigger, as_weight, expect_own_rule
 from icmj.errors import AnalysisError, RunFileError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.quality import Kind
-from icmj.runfile.run_tables import ColumnTable, HarmonicTable, SequenceTable, read_column
 from icmj.runfile.table import (
     Interval,
-    Line,
     Matrix,
     Numbers,
     Parameters,
@@ -378,200 +363,3 @@ AnyController = Annotated[
     Discriminator(_kind, custom_error_type="controller_kind", custom_error_message=_KINDS),
 ]
 """The controller of a run file, by its ``kind``."""
-
-
-MOST_STEPS = 10_000  # of pairs of steps
-MOST_INTERVALS = 5_000  # of a ternary sequence or a file: each is a term that a run carries
-
-
-class TargetTable(TomlTable):
-    """A channel of the set-point, or a part of it: entries with the same name are added."""
-
-    output: Annotated[Line, Field(min_length=1)] | None = None
-    """Output, or state, of the assumed plant that follows the set-point. Give either ``output`` or ``combination``."""
-    combination: Annotated[dict[str, Finite], Field(min_length=1, max_length=MOST_ENTRIES)] = {}
-    """Weights of outputs or states whose sum follows the set-point, such as ``{ shank = 0.5, thigh = 0.3 }``."""
-    name: Line = ""
-    """Name of the set-point; a combination needs one."""
-    unit: Line = ""
-    """Unit of the set-point; by default that of the output."""
-    kind: str
-    """Kind of motion."""
-    start: NonNegative = 0.0
-    """Start [s]."""
-
-    @abstractmethod
-    def terms(self, end: float) -> Array:
-        """Terms of its motion until ``end`` [s], in the form of :class:`icmj.controller.setpoint.Target`."""
-
-    def target(self, end: float, folder: Path = Path()) -> Target:
-        """The target that it stands for, of a run until ``end`` [s] whose run file lies in ``folder``."""
-        return self._target(self.terms(end))
-
-    def _target(self, terms: Array, unit: str = "") -> Target:
-        return Target(self.combination or {str(self.output): 1.0}, terms, self.name, unit=self.unit or unit)
-
-    @model_validator(mode="after")
-    def _one_of_output_and_combination(self) -> TargetTable:
-        if (self.output is None) == (not self.combination):
-            raise ValueError("give one of output and combination")
-        if self.combination and not self.name:
-            raise ValueError("a combination needs a name")
-        return self
-
-
-class StepSetpoint(TargetTable):
-    """A step of ``size`` at ``start`` [s], by default at the beginning of the run."""
-
-    kind: Literal["step"]
-    size: Finite
-    """Size of the step [unit of the output]."""
-
-    def terms(self, end: float) -> Array:
-        return step(self.size, self.start)
-
-
-class PulseSetpoint(TargetTable):
-    """A pulse of ``size`` from ``start`` [s] on, which ends after ``duration`` [s]."""
-
-    kind: Literal["pulse"]
-    size: Finite
-    """Size of the pulse [unit of the output]."""
-    duration: Positive
-    """Duration [s]."""
-
-    def terms(self, end: float) -> Array:
-        return pulse(self.size, self.start, self.duration)
-
-
-class RampSetpoint(TargetTable):
-    """A ramp from 0 at ``start`` [s] to ``size``, linear over ``duration`` [s], and then constant."""
-
-    kind: Literal["ramp"]
-    size: Finite
-    """Value at the end of the ramp [unit of the output]."""
-    duration: Positive
-    """Duration [s]."""
-
-    def terms(self, end: float) -> Array:
-        return ramp(self.size, self.start, self.duration)
-
-
-class SinesSetpoint(HarmonicTable, TargetTable):
-    """A sum of sinusoids, Σ a sin(2πf(t − start) + φ)."""
-
-    kind: Literal["sines"]
-
-    def terms(self, end: float) -> Array:
-        return sines(self.size, self.frequencies, self.all_phases, self.start)
-
-    @model_validator(mode="after")
-    def _one_for_each(self) -> SinesSetpoint:
-        count = len(self.frequencies)
-        for key in ("size", "phases"):
-            given = getattr(self, key)
-            if isinstance(given, list) and len(given) != count:
-                raise ValueError(f"{key} has {len(given)} numbers for {count} frequencies")
-        if self.phases is not None and "seed" in self.model_fields_set:
-            raise ValueError("give either phases or their seed")
-        return self
-
-
-class TernarySetpoint(SequenceTable, TargetTable):
-    """A pseudo-random ternary sequence of velocities −v, 0, v, integrated; it repeats after 242 intervals."""
-
-    kind: Literal["ternary"]
-
-    def terms(self, end: float) -> Array:
-        intervals = (end - self.start) / self.interval
-        if intervals > MOST_INTERVALS:
-            raise AnalysisError(
-                f"a ternary set-point of {self.interval:g} s has {intervals:.3g} intervals in this run; expected at "
-                f"most {MOST_INTERVALS}, lengthen its interval"
-            )
-        return ternary(self.size, self.interval, self.start, end)
-
-
-@keys_of(double_steps)
-class DoubleStepsSetpoint(TargetTable):
-    """Pairs of steps of a double-step experiment, in random order; the second step goes on, or back twice as far."""
-
-    kind: Literal["double-steps"]
-    size: Finite
-    start: Positive = 1.0
-    """Time before the first pair [s]."""
-
-    def pairs(self) -> StepPairs:
-        """The pairs.
-
-        Raises:
-            AnalysisError: if an interval is repeated, the size is zero, or there are too many steps.
-        """
-        keys = self.model_dump()
-        steps = 2 * len(keys["isi"]) * len(keys["directions"]) * keys["repetitions"]
-        if steps > MOST_STEPS:
-            raise AnalysisError(f"a double-step set-point of {steps} steps; expected at most {MOST_STEPS}")
-        return make(double_steps, self)
-
-    def terms(self, end: float) -> Array:
-        return self.pairs().terms
-
-
-class FileSetpoint(ColumnTable, TargetTable):
-    """A column of a file, linearly interpolated; r is 0 before its first row, and constant after its last row."""
-
-    kind: Literal["file"]
-    start: NonNegative = 0.0
-    """Time of the run at which the file begins [s]."""
-    interval: Positive | None = None
-    """Time between the values that are used from the column [s]. By default, every row is used."""
-
-    def target(self, end: float, folder: Path = Path()) -> Target:
-        times, values, unit = self._read(folder / self.file)
-        keep = np.searchsorted(times, end) + 1  # rows after the end of the run move nothing
-        terms = polygon(times[:keep], values[:keep])
-        if len(terms) > MOST_INTERVALS:
-            raise AnalysisError(
-                f"setpoint: {self.file} has {len(terms)} pieces in this run; expected at most {MOST_INTERVALS}; set "
-                "its interval"
-            )
-        return self._target(terms, unit)
-
-    def terms(self, end: float) -> Array:
-        return self.target(end).terms
-
-    def _read(self, path: Path) -> tuple[Array, Array, str]:
-        """Times in the run [s], values, and their unit."""
-        t, values, unit = read_column("setpoint", path, self.column)
-        values = self.size * values
-        if self.interval is not None:
-            count = t[-1] / self.interval
-            if count > MOST_INTERVALS:
-                raise RunFileError(
-                    f"setpoint: interval {self.interval:g} s makes {count:.3g} pieces of {path}; expected at most "
-                    f"{MOST_INTERVALS}"
-                )
-            at = np.append(instants(self.interval, float(t[-1])), t[-1:])
-            at = at[np.diff(at, prepend=-1.0) > 1e-9]
-            t, values = at, np.interp(at, t, values)
-        return t + self.start, values, unit
-
-
-SetpointTable = Annotated[
-    StepSetpoint | PulseSetpoint | RampSetpoint | SinesSetpoint | TernarySetpoint | DoubleStepsSetpoint | FileSetpoint,
-    Field(discriminator="kind"),
-]
-
-
-def targets(tables: Sequence[SetpointTable], end: float, path: Path) -> list[Target]:
-    """The targets of a set-point in a run until ``end`` [s] of the run file ``path``.
-
-    Raises:
-        RunFileError, AnalysisError: if a file of one cannot be read, or it has too many pieces.
-    """
-    return [table.target(end, path.parent) for table in tables]
-
-
-def find_files(tables: Sequence[SetpointTable], path: Path) -> list[Path]:
-    """The files of a set-point of the run file ``path``."""
-    return [path.parent / table.file for table in tables if isinstance(table, FileSetpoint)]

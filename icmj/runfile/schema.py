@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
@@ -28,11 +28,19 @@ from icmj.base.array import MOST_ENTRIES, Positive
 from icmj.base.text import one_line
 from icmj.errors import RunFileError
 from icmj.plant.body import Activation, Person
-from icmj.runfile.control_tables import Analysis, AnyController, Control, SetpointTable, Weights, find_files
+from icmj.runfile.control_tables import Analysis, AnyController, Control, Weights
+from icmj.runfile.place import DisturbanceTable
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
-from icmj.runfile.run_tables import SimulationTable, StudyTable, draw_tables
-from icmj.runfile.table import CHOICE, Line, Name, TomlTable, in_words
+from icmj.runfile.run_tables import SimulationTable, StudyTable
+from icmj.runfile.shapes import SHAPES
+from icmj.runfile.table import CHOICE, Line, Name, TomlTable, in_words, one_of
+from icmj.runfile.target import TargetTable, find_files
 from icmj.work.own_code import MODELS, Code
+
+if TYPE_CHECKING:
+    SetpointTable = TargetTable
+else:
+    SetpointTable = one_of(SHAPES.collect("SETPOINT"))  # by its kind
 
 Place = tuple[str | int, ...]
 
@@ -345,16 +353,21 @@ class RunFile(TomlTable):
         return f"{self.case.title} (changed)" if old else self.case.title
 
     def drawn(self) -> RunFile:
-        """The same run file, with noise from user code and columns of files replaced by numbers, which a log keeps.
+        """The same run file, with what user code draws and columns of files replaced by numbers, which a log keeps.
 
         Raises:
             RunFileError: if the code may not be executed, fails, or draws no sinusoids, or a file cannot be read.
         """
+        shaped: dict[str, DisturbanceTable | TargetTable] = {
+            f"simulation.disturbance[{i}]": table for i, table in enumerate(self.simulation.disturbance)
+        }
+        shaped |= {f"setpoint[{i}]": table for i, table in enumerate(self.setpoint)}
+        given = self.code, self._path.parent, self.simulation.duration
         try:
-            drawn = draw_tables(self.simulation.disturbance, self.code, self._path.parent, self.simulation.duration)
+            drawn = {key: one for key, table in shaped.items() if (one := table.drawn(*given)) is not None}
         except RunFileError as error:
             raise RunFileError(f"{self._path}: {error}") from error
-        return self._with({f"simulation.disturbance[{i}]": one for i, one in drawn.items()}) if drawn else self
+        return self._with(drawn) if drawn else self
 
     def _data(self) -> dict[str, Any]:
         """The contents as plain data without defaults."""

@@ -24,8 +24,10 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    Discriminator,
     Field,
     Strict,
+    Tag,
     ValidationError,
     create_model,
     model_validator,
@@ -287,6 +289,18 @@ def _tag(model: Any) -> str | None:
         return str(own)
     field = getattr(model, "model_fields", {}).get("kind")
     return str(get_args(field.annotation)[0]) if field is not None and get_args(field.annotation) else None
+
+
+def kind_of(table: Any) -> str | None:
+    """The kind of a table, or of data that are to be one: ``own`` where it names code; ``None`` without one."""
+    kind = table.get("kind") if isinstance(table, Mapping) else getattr(table, "kind", None)
+    return OWN if isinstance(kind, str) and ":" in kind else None if kind is None else str(kind)
+
+
+def one_of(tables: Sequence[type[TomlTable]]) -> Any:
+    """The type of a table that is one of these, of which each has a ``kind`` of its own or the tag ``own``."""
+    members = tuple(Annotated[table, Tag(str(_tag(table)))] for table in tables)
+    return Annotated[Union[members], Discriminator(kind_of)]  # noqa: UP007
 
 
 Numbers = Annotated[list[Finite], Field(min_length=1, max_length=MOST_ENTRIES)]

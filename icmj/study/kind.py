@@ -22,20 +22,20 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from icmj.base.array import Array, instants
 from icmj.case.case import Case, PlantKind
-from icmj.controller.setpoint import find_step_pairs
+from icmj.controller.setpoint import double_steps, find_step_pairs
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import ground_force, reaction
 from icmj.errors import DataError, IcmjError
 from icmj.experiments.quiet_standing import Finding, Recording, Standing, keep_complete, quiet_standing, sway_numbers
 from icmj.experiments.reconstruction import Reconstruction, reconstruct_steps
 from icmj.experiments.refractoriness import DIRECTIONS, Explanation, Reactions, Refractoriness, analyse_reactions
-from icmj.runfile.control_tables import DoubleStepsSetpoint
 from icmj.runfile.experiment_tables import DoubleStepTable, ExperimentFile, QuietStandingTable
 from icmj.runfile.schema import RunFile
 from icmj.series.series import Series, even_series
@@ -291,17 +291,14 @@ class DoubleStepKind(Kind):
     settings: DoubleStepTable
 
     def stimulate(self, run: RunFile, seed: int) -> RunFile:
-        table, keys = self.settings, set(DoubleStepsSetpoint.model_fields)
-        steps = DoubleStepsSetpoint.model_validate(
-            table.model_dump(include=keys, exclude_defaults=True)
-            | {"kind": "double-steps", "seed": seed}
-            | ({"name": COMBINED} if table.combination else {})
-        )
+        table, keys = self.settings, {"output", "combination", "unit", *signature(double_steps).parameters}
+        steps = {"kind": "double-steps"} | ({"name": COMBINED} if table.combination else {})
+        steps |= table.model_dump(include=keys, exclude_defaults=True) | {"seed": seed}
         kept = [one.model_dump(exclude_defaults=True, exclude_none=True) for one in run.setpoint]
-        moved = run.with_(
-            setpoint=[*kept, {"kind": "double-steps", **steps.model_dump(exclude_defaults=True, exclude_none=True)}]
-        )
-        return set_duration(moved, steps.pairs().end, table.rate)
+        moved = run.with_(setpoint=[*kept, steps])
+        end = moved.setpoint[-1].whole
+        assert end is not None
+        return set_duration(moved, end, table.rate)
 
     def recorded(self, case: Case, simulation: Simulation) -> Series:
         name = self.settings.control or f"u.{simulation.labels.inputs[0]}"

@@ -1,6 +1,7 @@
 """Code of the user's own: from the run file to the log, the report and the replay, and never run unasked."""
 
 import json
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,9 +9,10 @@ import numpy as np
 import pytest
 
 from icmj import Sinusoids, load_run, prepare, run_case, simulate, write_log
+from icmj.case.case import expect_known
 from icmj.cli.main import main
 from icmj.controller.trigger import EventTrigger, RecordedRule
-from icmj.errors import ModelError, RunFileError
+from icmj.errors import AnalysisError, ModelError, RunFileError
 from icmj.log.reader import read_log, read_summary
 from icmj.work.own_code import RUNS, Code, digest_of, reference_of
 
@@ -20,7 +22,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 import numpy as np
 from icmj import EventRule
-from icmj.controller import Faces
+from icmj.controller import Faces, sines
 
 @dataclass(frozen=True, eq=False)
 class Diamond(EventRule):
@@ -64,6 +66,14 @@ def tremor(duration, size, seed=0):
     phase = np.random.default_rng(seed).uniform(0, 6, 3)
     rows = [(size, 50.0, phase[0], 0.0, np.inf), (size / 2, 71.0, phase[1], 0.0, np.inf)]
     return [*rows, (size / 3, 9.0, phase[2], duration / 2, np.inf)]
+
+def staircase(duration, step, size):
+    """A step of the set-point every ``step`` [s]."""
+    times = np.arange(step, duration, step)
+    return np.column_stack([np.full(len(times), size), *2 * [np.zeros(len(times))], times, times])
+
+def swaying(size):
+    return sines(size, 0.5, 0.3)
 
 def broken(*given, **named):
     raise KeyError("a mistake of mine")
@@ -225,6 +235,60 @@ def test_noise_of_ones_own_is_drawn_once_and_a_log_keeps_it(own: Path, shell) ->
 def test_noise_that_is_none_is_one_line(own: Path, table: dict, words: str) -> None:
     with pytest.raises(RunFileError, match=words):
         prepare(load_run(own, allow_code=True).with_(**{"simulation.disturbance": [{"input": "torque"} | table]}))
+
+
+def test_a_set_point_of_ones_own_is_followed_and_a_log_keeps_it(own: Path, shell) -> None:
+    stairs = {"kind": "rules:staircase", "output": "angle", "start": 0.5, "parameters": {"step": 1.5, "size": 0.01}}
+    sway = {"kind": "rules:swaying", "output": "angle", "start": 2.0, "parameters": {"size": 0.005}}
+    run = load_run(own, allow_code=True).with_(setpoint=[stairs, sway])
+    own.write_text(run.text, encoding="utf-8")
+    assert "which is not run unasked" in shell.refuses(["run", str(own), "--out", str(own.parent), "--plant", "linear"])
+    for plant in ("linear", "mujoco"):
+        result = run_case(run, plant)
+        t, r = result.simulation.t, result.simulation.r[:, 0]
+        expected = 0.01 * sum((t >= at).astype(float) for at in (2.0, 3.5, 5.0))
+        expected += np.where(t >= 2.0, 0.005 * np.sin(np.pi * (t - 2.0) + 0.3), 0.0)
+        np.testing.assert_allclose(r, expected, atol=1e-12)
+        write_log(result, own.with_suffix(".rrd"))
+        source = (own.parent / "rules.py").read_text(encoding="utf-8")
+        (own.parent / "rules.py").unlink()
+        back = read_log(own.with_suffix(".rrd"))
+        np.testing.assert_array_equal(back.simulation.r[:, 0], r)
+        kept = [(table.kind, table.made_by, len(table.sha256)) for table in back.run.setpoint]  # type: ignore[attr-defined]
+        assert kept == [("sinusoids", "rules:staircase", 64), ("sinusoids", "rules:swaying", 64)]
+        # what the log has is the set-point, without the code; a longer one only the code knows
+        again = run_case(back.run.with_(**{"controller.rule": "box", "controller.threshold": 0.01,
+                                           "controller.parameters": None, "study.measures": []}), "linear")  # fmt: skip
+        np.testing.assert_array_equal(again.simulation.setpoint(t)[:, 0], result.simulation.setpoint(t)[:, 0])
+        (own.parent / "rules.py").write_text(source, encoding="utf-8")
+    with pytest.raises(RunFileError, match="set-point of kind 'sinusoids' is known for a run of 6 s, not of 8 s"):
+        expect_known(result.run, 8.0, 6.0, result.run.setpoint)
+
+
+def test_a_case_that_follows_a_set_point_of_ones_own_goes_through_a_pickle(own: Path) -> None:
+    """As from one process to another."""
+    table = {"kind": "rules:swaying", "output": "angle", "parameters": {"size": 0.005}}
+    changes = {"controller.rule": "quadratic", "controller.q_t": 0.01, "controller.parameters": None}
+    case = prepare(load_run(own, allow_code=True).with_(setpoint=[table], **changes))
+    again = pickle.loads(pickle.dumps(case.controller))
+    t = np.linspace(0.0, 6.0, 50)
+    np.testing.assert_array_equal(again.setpoint(t), case.controller.setpoint(t))  # type: ignore[attr-defined, misc]
+
+
+@pytest.mark.parametrize(("table", "words"), [
+    ({"kind": "rules:absent"}, "the module has no 'absent'"),
+    ({"kind": "rules:nothing", "parameters": {"simulation": 1.0}}, "rows .a, ω, φ, start, end., got 'nothing'"),
+    ({"kind": "rules:broken"}, "a mistake of mine"),
+    ({"kind": "rules:staircase"}, "fails"),
+    ({"kind": "sinusoids", "rate": []}, "has 0 entries; expected at least 1"),
+    ({"kind": "sinusoids", "rate": [[1.0, 2.0, 3.0]]}, "setpoint"),
+    ({"kind": "sinusoids", "rate": [[1.0, 2.0, 3.0, 2.0, 1.0]]}, "times not negative"),
+    ({"kind": "stair"}, "or the module:name of code of your own, got 'stair'"),
+])  # fmt: skip
+def test_a_set_point_that_is_none_is_one_line(own: Path, table: dict, words: str) -> None:
+    with pytest.raises((RunFileError, AnalysisError), match=words) as told:
+        prepare(load_run(own, allow_code=True).with_(setpoint=[{"output": "angle"} | table]))
+    assert "\n" not in str(told.value)
 
 
 @pytest.mark.parametrize(("changes", "error", "words"), [

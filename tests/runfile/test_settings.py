@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from icmj.base.array import NonNegative, Positive, Seed
 from icmj.errors import ModelError
-from icmj.runfile.run_tables import NoiseTable
+from icmj.runfile.shapes.noise import NoiseTable
 from icmj.runfile.sweep_tables import docstrings
 from icmj.runfile.table import TomlTable, check_by, in_words, keys_of, make
 

@@ -7,7 +7,8 @@ import pytest
 from linear_cases import PENDULUM, event_controller, pendulum_design
 
 from icmj.errors import SimulationError
-from icmj.runfile.run_tables import BiasTable, GaussianTable, ImpulseTable, NoiseTable, SimulationTable, StepTable
+from icmj.runfile.run_tables import SimulationTable
+from icmj.runfile.shapes import bias, gaussian, impulse, noise, step
 from icmj.simulation import ending
 from icmj.simulation.settings import Bias, Gaussian, Impulse, Noise, Settings, Step, start_states
 
@@ -81,8 +82,8 @@ def test_only_noise_makes_a_run_noisy() -> None:
 
 
 def test_the_run_file_s_tables_say_all_that_the_dataclasses_hold() -> None:
-    pairs = [(SimulationTable, Settings), (ImpulseTable, Impulse), (StepTable, Step), (NoiseTable, Noise)]
-    pairs += [(BiasTable, Bias), (GaussianTable, Gaussian)]
+    pairs = [(SimulationTable, Settings), (impulse.DISTURBANCE, Impulse), (step.DISTURBANCE, Step)]
+    pairs += [(noise.DISTURBANCE, Noise), (bias.DISTURBANCE, Bias), (gaussian.DISTURBANCE, Gaussian)]
     for table, data in pairs:
         assert set(table.model_fields) - {"kind", "vertical", "vertical_rate"} == {field.name for field in fields(data)}
     assert SimulationTable().settings() == Settings()

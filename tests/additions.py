@@ -1,0 +1,235 @@
+"""The shelves: a thing is one file and one line of a list; ``python -m tests.additions`` adds and takes away.
+
+In a copy of the package, a new file and its line add a thing to each shelf, which then works from a run file on and is
+in the JSON Schema; and each shipped thing is taken away, file and line, after which the rest imports, reads its files,
+and runs.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@dataclass(frozen=True)
+class Shelf:
+    """One shelf.
+
+    Attributes:
+        folder: its package, from ``icmj/`` on.
+        name: name of the file that is added.
+        source: that file.
+        works: a program that succeeds if the added thing works.
+        refused: a program that succeeds if what is malformed is refused in one line.
+        rest: a program that succeeds if the package works without the thing ``sys.argv[1]``.
+    """
+
+    folder: str
+    name: str
+    source: str
+    works: str
+    refused: str
+    rest: str
+
+
+READ_REST = """
+import sys, icmj
+from icmj.cli.main import main
+from icmj.errors import IcmjError
+from icmj.runfile.sweep_tables import json_schema
+from icmj.work.own_code import RUNS
+gone = sys.argv[1]
+json_schema("run")
+refused = []
+for name, path in RUNS.files.items():
+    try:
+        icmj.load_run(path)
+    except IcmjError as error:
+        assert "kind" in str(error) or gone in str(error), error
+        refused.append(name)
+plain = icmj.load_run("simple-0.8")
+short = {"simulation.duration": 1.0, "simulation.timestep": None, "analysis.delta_max": 2.0}
+"""
+RUN_REST = """
+case = icmj.prepare(plain.with_(**short))
+assert len(icmj.simulate(case, "linear").t) > 50
+assert len(refused) < len(RUNS.files) / 2, refused
+"""
+
+SHAPES = Shelf(
+    "runfile/shapes",
+    "triangle",
+    '''"""A triangle: up to a size and back, linearly."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from icmj.base.array import Array, Finite, Positive
+from icmj.controller.setpoint import polygon
+from icmj.runfile.place import PlaceTable
+from icmj.runfile.table import keys_of
+from icmj.runfile.target import TargetTable
+from icmj.simulation.settings import Sampled, Source
+
+
+@keys_of(Sampled, without=("values", "start"))
+class TriangleTable(PlaceTable):
+    """A triangle on an input."""
+
+    kind: Literal["triangle"]
+    size: Finite
+    """Height [unit of the disturbed signal]."""
+    points: Positive = 3.0
+    """Points of the grid on each side."""
+
+    def source(self) -> Source:
+        up = np.linspace(0.0, self.size, int(self.points) + 1)
+        return self.make_source(Sampled, values=(*up.tolist(), *up[-2::-1].tolist()))
+
+
+class TriangleSetpoint(TargetTable):
+    """A triangle that is followed."""
+
+    kind: Literal["triangle"]
+    size: Finite
+    """Height [unit of the output]."""
+    width: Positive
+    """Duration [s]."""
+
+    def terms(self, end: float) -> Array:
+        return polygon(self.start + self.width * np.array([0.0, 0.5, 1.0]), [0.0, self.size, 0.0])
+
+
+DISTURBANCE, SETPOINT = TriangleTable, TriangleSetpoint
+''',
+    """
+import json, icmj
+import numpy as np
+from icmj.runfile.sweep_tables import json_schema
+run = icmj.load_run("simple-0.8").with_(**{
+    "simulation.duration": 1.0, "simulation.disturbance": [{"kind": "triangle", "input": "torque", "size": 0.3}],
+    "setpoint": [{"kind": "triangle", "output": "angle", "size": 0.2, "width": 0.4, "start": 0.1}]})
+case = icmj.prepare(run)
+simulation = icmj.simulate(case, "linear")
+t = simulation.t
+np.testing.assert_allclose(simulation.r[:, 0], np.interp(t, [0.1, 0.3, 0.5], [0.0, 0.2, 0.0]), atol=1e-12)
+np.testing.assert_allclose(simulation.pushed[:, 0], np.interp(t, [0.0, 0.03, 0.06], [0.0, 0.3, 0.0]), atol=1e-12)
+schema = json_schema("run")["$defs"]
+assert schema["TriangleTable"]["properties"]["points"]["description"] == "Points of the grid on each side."
+assert schema["TriangleSetpoint"]["properties"]["width"]["description"] == "Duration [s]."
+""",
+    """
+import icmj
+from icmj.errors import RunFileError
+run = icmj.load_run("simple-0.8")
+for changes, words in (
+    ({"simulation.disturbance": [{"kind": "triangle", "input": "torque"}]}, "disturbance[0].size is missing"),
+    ({"setpoint": [{"kind": "triangle", "output": "angle", "size": 1.0, "width": -1.0}]}, "must be greater than 0"),
+    ({"setpoint": [{"kind": "triangel", "output": "angle"}]}, "did you mean triangle?"),
+):
+    try:
+        run.with_(**changes)
+    except RunFileError as error:
+        assert words in str(error) and "\\n" not in str(error), error
+    else:
+        raise AssertionError(changes)
+""",
+    READ_REST
+    + """
+kind = "a:b" if gone == "own" else gone.replace("_", "-")
+for key, where in (("simulation.disturbance", "input"), ("setpoint", "output")):
+    try:
+        plain.with_(**{key: [{"kind": kind, where: "torque"}]})
+    except IcmjError as error:
+        assert "kind must be" in str(error) and f"got {kind!r}" in str(error) and "\\n" not in str(error), error
+    else:
+        raise AssertionError(key)
+"""
+    + RUN_REST,
+)
+SHELVES = {"shapes": SHAPES}
+
+
+@contextmanager
+def copied() -> Iterator[Path]:
+    """A folder with a copy of the package, and of what it ships."""
+    with tempfile.TemporaryDirectory(prefix="icmj-additions-") as folder:
+        there = Path(folder)
+        shutil.copytree(ROOT / "icmj", there / "icmj", symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+        for name in ("models", "runs", "sweeps", "experiments", "families"):
+            (there / name).symlink_to(ROOT / name, target_is_directory=True)
+        yield there
+
+
+def names_of(shelf: Shelf) -> tuple[str, ...]:
+    """The files of a shelf that its list names."""
+    text = (ROOT / "icmj" / shelf.folder / "__init__.py").read_text(encoding="utf-8")
+    return tuple(re.findall(r'^        "(\w+)",$', text, re.MULTILINE))
+
+
+def execute(place: Path, program: str, *words: str) -> None:
+    """Run a program with the package of a folder, interpreted: nothing of it need be compiled.
+
+    Raises:
+        AssertionError: with what it printed, if it fails.
+    """
+    environment = os.environ | {"PYTHONPATH": str(place), "ICMJ_INTERPRETED": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    check = f"import icmj\nassert icmj.__file__.startswith({str(place)!r}), icmj.__file__\n"
+    done = subprocess.run(
+        [sys.executable, "-c", check + program, *words],
+        capture_output=True, text=True, check=False, cwd=place, env=environment,
+    )  # fmt: skip
+    assert done.returncode == 0, f"{words}: {done.stdout}{done.stderr}"
+
+
+def add(place: Path, shelf: Shelf) -> None:
+    """Add a thing: one file, one line; it works, and is refused where it is malformed."""
+    folder = place / "icmj" / shelf.folder
+    (folder / f"{shelf.name}.py").write_text(shelf.source, encoding="utf-8")
+    entries = folder / "__init__.py"
+    text = entries.read_text(encoding="utf-8")
+    entries.write_text(re.sub(r'^        "', f'        "{shelf.name}",\n        "', text, count=1, flags=re.M), "utf-8")
+    execute(place, shelf.works)
+    execute(place, shelf.refused)
+
+
+def take_away(place: Path, shelf: Shelf, name: str) -> None:
+    """Take a shipped thing away, its file and its line: the rest works."""
+    folder = place / "icmj" / shelf.folder
+    entries, file = folder / "__init__.py", folder / f"{name}.py"
+    whole, source = entries.read_text(encoding="utf-8"), file.read_text(encoding="utf-8")
+    entries.write_text(whole.replace(f'        "{name}",\n', ""), encoding="utf-8")
+    file.unlink()
+    try:
+        execute(place, shelf.rest, name)
+    finally:
+        entries.write_text(whole, encoding="utf-8")
+        file.write_text(source, encoding="utf-8")
+
+
+def main() -> None:
+    """Every shelf."""
+    for title, shelf in SHELVES.items():
+        with copied() as place:
+            for name in names_of(shelf):
+                take_away(place, shelf, name)
+                print(f"{title}: without {name}", flush=True)
+            add(place, shelf)
+            print(f"{title}: with {shelf.name}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

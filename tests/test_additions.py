@@ -1,0 +1,36 @@
+"""Every shelf: one file and one line add a thing, and each shipped one can be taken away."""
+
+import ast
+
+import additions
+import pytest
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("title", additions.SHELVES)
+def test_one_file_and_one_line_add_a_thing(title):
+    with additions.copied() as place:
+        additions.add(place, additions.SHELVES[title])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("title", additions.SHELVES)
+def test_each_shipped_thing_can_be_taken_away(title):
+    shelf = additions.SHELVES[title]
+    with additions.copied() as place:
+        for name in additions.names_of(shelf):
+            additions.take_away(place, shelf, name)
+
+
+@pytest.mark.parametrize("title", additions.SHELVES)
+def test_the_list_names_every_file_of_a_shelf_and_nobody_else_imports_one(title, root):
+    folder = root / "icmj" / additions.SHELVES[title].folder
+    names = additions.names_of(additions.SHELVES[title])
+    assert sorted(names) == sorted(path.stem for path in folder.glob("*.py") if path.stem != "__init__")
+    package = ".".join(folder.relative_to(root).parts)
+    for path in (root / "icmj").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            given = [alias.name for alias in getattr(node, "names", ())] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom):
+                given = [str(node.module), *(f"{node.module}.{alias.name}" for alias in node.names)]
+            assert not {f"{package}.{name}" for name in names} & set(given), path
