@@ -222,6 +222,8 @@ class MeasureCommand(Command):
     """Rate to resample to (default: 100 for a log), or the rate of a file without times [Hz]."""
     since: float | None = None
     """Time from which the series are measured [s] (default: all rows, those before 0 too)."""
+    until: float | None = None
+    """Time up to which they are measured [s]."""
     low_pass: float | None = None
     """Corner frequency of a low-pass filter applied before all measures [Hz]."""
     band: tuple[float, float] | None = None
@@ -261,6 +263,10 @@ class FitCommand(Command):
     """Unit of recordings that do not state one."""
     rate: float | None = None
     """Rate of recordings without times [Hz]."""
+    since: float | None = None
+    """Time from which each recording is fitted [s] (default: all of it)."""
+    until: float | None = None
+    """Time up to which it is fitted [s]."""
     hold_out: int = 0
     """Number of trials of each person, counted from the last, that are predicted instead of fitted."""
     out: Annotated[Path, FOLDER] = RESULTS / "fit"
@@ -358,6 +364,10 @@ class ExperimentCommand(Command):
     """
     rate: float | None = None
     """Rate of a recording without times [Hz]."""
+    since: float | None = None
+    """Time from which each recording is analysed [s] (default: all of it, or what the experiment file says)."""
+    until: float | None = None
+    """Time up to which it is analysed [s]."""
     allow_code: bool = False
     """Run Python code that the run files name as module:name. Read the code first."""
     json: bool = False

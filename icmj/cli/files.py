@@ -334,8 +334,6 @@ def measure(command: arguments.MeasureCommand) -> None:
     for path, sway, notes in found:
         filtered = "" if sway.low_pass is None else f", low-pass {sway.low_pass:g} Hz"
         show_sway(sway, f"{path.name}: {sway.duration:.6g} s at {sway.rate:.6g} Hz{filtered}", OUT)
-        if "resampled" in sway.series.facts:
-            notes = (*notes, f"resampled by a {sway.series.facts['resampled']}")
         for note in notes:
             OUT.note(note)
 
@@ -346,7 +344,6 @@ def _measure(path: Path, command: arguments.MeasureCommand) -> tuple[Sway, tuple
 
     with Working(f"measuring {path.name}", ERR):
         series, notes = _signals(path, command)
-        series = series if command.since is None else series.since(command.since)
         # a log is in SI units; of an actuator's own they are not known, and its torque is in N m
         unit = command.unit or ("N m" if command.torque is not None and path.suffix == ".rrd" else "")
         series = replace(series, units=tuple(own or unit for own in series.units))
@@ -361,12 +358,13 @@ def _measure(path: Path, command: arguments.MeasureCommand) -> tuple[Sway, tuple
             sway = measure_sway(series, low_pass=command.low_pass, band=command.band or (0.0, float("inf")))
         except DataError as error:
             raise DataError(f"{path}: {error}") from error
-    return sway, notes
+    return sway, (*notes, *sway.series.remarks)
 
 
 def _signals(path: Path, command: arguments.MeasureCommand) -> tuple[Series, tuple[str, ...]]:
     """The series to be measured, from a log or a file, evenly sampled for a log or with a rate; and notes."""
-    from icmj.series.reading import read_series
+    from icmj.errors import DataError
+    from icmj.series.reading import cut_rows, read_series
     from icmj.series.series import even_series
 
     columns = command.columns if command.torque is None else (*command.columns, command.torque)
@@ -376,11 +374,15 @@ def _signals(path: Path, command: arguments.MeasureCommand) -> tuple[Series, tup
         result = read_log(path)
         notes = tuple(notice for notice in result.notices if notice.startswith("slow noise"))
         series = result.to_series(RATE if command.rate is None else command.rate)
+        try:
+            series = cut_rows(series, command.since, command.until)
+        except DataError as error:
+            raise DataError(f"{path}: {error}") from error
         ground = result.simulation.pressure
         moving = () if ground is None else tuple(f"cop.{axis}" for axis in ground.axes)
         series = series.chosen(columns or moving or [name for name in series.names if name.startswith("y.")])
         return replace(series, facts={k: v for k, v in series.facts.items() if k != "resampled"}), notes
-    series = read_series(path, columns=columns, rate=command.rate)
+    series = read_series(path, columns=columns, rate=command.rate, since=command.since, until=command.until)
     return (series if command.rate is None else even_series(series, command.rate)), ()
 
 
@@ -392,12 +394,17 @@ def experiment(command: ExperimentCommand) -> None:
 
     if command.jobs is not None and command.jobs < 1:
         raise StudyError(f"--jobs {command.jobs}: expected at least 1")
+    for option in ("rate", "since", "until"):
+        if getattr(command, option) is not None and not command.recording:
+            raise StudyError(f"--{option} is of recordings; give --recording, or leave it out")
     file = load_experiment(command.experiment, allow_code=command.allow_code)
     name = file.experiment.name
     folder = command.out or arguments.RESULTS / (f"{name}-recording" if command.recording else name)
     with Working(name, ERR) as working:
         if command.recording:
-            done = analyse_recordings(file, command.recording, folder, rate=command.rate)
+            done = analyse_recordings(
+                file, command.recording, folder, rate=command.rate, since=command.since, until=command.until
+            )
         else:
             longest = None if command.yes else LONGEST
             done = run_experiment(file, folder, jobs=command.jobs, progress=working.tell, longest=longest)
@@ -424,6 +431,8 @@ def _show_experiment(done: Done, out: Terminal) -> None:
         show_table(columns, rows, out, title=done.file.experiment.title or done.file.experiment.name)
     for told in done.found:
         out.say(f"{told.case}, {plant_name(told.plant)}, {count(told.trials, 'trial')}: {told.words}")
+    for note in done.notes:
+        out.note(note)
 
 
 _COLUMNS, _REQUIRED = ("file", "column", "person", "group", "condition"), ("file", "person")
@@ -501,7 +510,8 @@ def people_of(command: FitCommand, progress: Callable[[str, float], None] = lamb
         if recording in listed:
             raise FitError(f"{command.table or row['file']}: {row['file']} is given twice for {row['person']}")
         listed.add(recording)
-        trials = read_trials(base / row["file"], columns, unit=command.unit, rate=command.rate)
+        part = {"since": command.since, "until": command.until}
+        trials = read_trials(base / row["file"], columns, unit=command.unit, rate=command.rate, **part)
         count += len(trials)
         if count > MOST:
             raise FitError(f"{base / row['file']}: the recordings hold more than {MOST} trials; fit them in parts")

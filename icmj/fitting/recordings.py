@@ -161,7 +161,13 @@ class TrialOf:
 
 
 def read_trials(
-    path: Path | str, columns: Sequence[str] = (), *, unit: str | None = None, rate: float | None = None
+    path: Path | str,
+    columns: Sequence[str] = (),
+    *,
+    unit: str | None = None,
+    rate: float | None = None,
+    since: float | None = None,
+    until: float | None = None,
 ) -> tuple[TrialOf, ...]:
     """Read the trials in one file of any kind that :func:`icmj.read_series` reads; each column is one trial.
 
@@ -171,13 +177,14 @@ def read_trials(
             ends in ``_ap``), or the only column.
         unit: ``m``, ``cm`` or ``mm``, for a file that states no unit.
         rate: rows per second [Hz], for a file without times.
+        since, until: times [s] before and after which rows are left out.
 
     Raises:
         FitError: one line that names the file, if it cannot be read, has no such column or unit, is too short, has
             gaps, or does not contain the sway of a standing person.
     """
     with _of(path):
-        series = read_series(path, columns=columns, rate=rate)
+        series = read_series(path, columns=columns, rate=rate, since=since, until=until)
         chosen = tuple(columns) or _guess_column(series)
         return tuple(part for name in chosen for part in trials_of(series, name, unit=unit))
 
@@ -207,7 +214,7 @@ def trials_of(series: Series, column: str, *, unit: str | None = None) -> tuple[
     notes = []
     if abs(own - RATE) > EVEN * RATE:
         notes.append(f"resampled from {own:.4g} to {RATE:g} Hz")
-        x = _resample(t, x, own)
+        x = even_series(even, RATE).values[:, 0] * metre
     _refuse_short(name, len(x) / RATE)
     pieces = max(1, int(len(x) / (DURATION * RATE) + 1e-9)) if len(x) > 1.5 * DURATION * RATE else 1
     if pieces > 1:
@@ -355,17 +362,6 @@ def _see_it_stands(name: str, unit: str, t: Array, x: Array, step: float) -> Non
             f"{name}: an RMS of {1e3 * rms:.3g} mm in {unit}; standing people have 1 to 20 mm, so the unit is "
             "probably wrong"
         )
-
-
-def _resample(t: Array, x: Array, own: float) -> Array:
-    """Resample to 100 Hz; for faster rates, after a low-pass filter at 40 Hz, which prevents aliasing."""
-    from scipy.interpolate import CubicSpline
-    from scipy.signal import butter, sosfiltfilt
-
-    if own > RATE:
-        x = np.asarray(sosfiltfilt(butter(4, 0.4 * RATE, fs=own, output="sos"), x))
-    count = int((t[-1] - t[0]) * RATE + EVEN) + 1
-    return np.asarray(CubicSpline(t, x)(t[0] + np.arange(count) / RATE))
 
 
 def _guess_column(series: Series) -> tuple[str, ...]:

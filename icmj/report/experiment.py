@@ -44,7 +44,13 @@ class Row:
 
 
 def experiment_page(
-    title: str, kind: str, settings: Any, rows: Sequence[Row], svg: bytes | None, files: Sequence[str] = ()
+    title: str,
+    kind: str,
+    settings: Any,
+    rows: Sequence[Row],
+    svg: bytes | None,
+    files: Sequence[str] = (),
+    notes: Sequence[str] = (),
 ) -> str:
     """The page's HTML.
 
@@ -55,6 +61,7 @@ def experiment_page(
         rows: the results.
         svg: the figure; ``None`` where nothing was found.
         files: names of recordings that were analysed; empty for simulated trials.
+        notes: what was done to them, a line each.
     """
     uri = "" if svg is None else f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
     recorded = all(row.plant == "recording" for row in rows)
@@ -63,7 +70,9 @@ def experiment_page(
         "caption": CAPTIONS[kind] if kind != "quiet_standing" else _caption_of_standing(rows),
         **_table(kind, rows),
     }
-    methods = {"words": [*METHODS[kind](settings, recorded), *((_YOUNG,) if results["people"] else ())]}
+    methods = {
+        "words": [*METHODS[kind](settings, recorded), *((_YOUNG,) if results["people"] else ()), *map(_end, notes)]
+    }
     return render_page(
         [
             Section("results", "Results", "experiment.html.j2", results),
@@ -76,6 +85,10 @@ def experiment_page(
         source="recordings" if recorded else "the trials in the folder of this page",
         beside="The figure is also available as SVG and PNG files beside this page." if uri else "",
     )
+
+
+def _end(note: str) -> str:
+    return note if note.endswith(".") else f"{note}."
 
 
 def plant_name(plant: str) -> str:

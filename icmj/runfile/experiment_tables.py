@@ -47,11 +47,17 @@ class IntersectionPointTable(TomlTable):
     """Height of the centre of mass above the ground [m] (default: that of the model; needed for ratios of a recording).
     """
     angle: _Text = "force_angle"
-    """For a recording: column of the angle −F_x / F_z [rad, deg]. Without it, the angle is computed from ``force``."""
+    """For a recording: column of the angle −F_x / F_z [rad, deg], instead of ``force``."""
     force: Annotated[tuple[_Text, _Text], LISTED] = ("force.x", "force.z")
-    """For a recording: columns of the horizontal and the vertical force."""
+    """For a recording: columns of the horizontal and the vertical force (default: those along ``axis``)."""
     cop: _Text = "cop.x"
-    """For a recording: column of the centre of pressure [m, cm, mm]."""
+    """For a recording: column of the centre of pressure [m, cm, mm] (default: that along ``axis``)."""
+
+    @model_validator(mode="after")
+    def _has_one_source_of_the_angle(self) -> IntersectionPointTable:
+        if {"angle", "force"} <= self.model_fields_set:
+            raise ValueError("angle and force: give one, the angle of the force is read or computed")
+        return self
 
 
 class QuietStandingTable(TomlTable):
@@ -170,6 +176,8 @@ class PerturbedStanceTable(TomlTable):
             )
         if (self.inertia is None) != (self.toppling is None):
             raise ValueError("a fit needs both inertia and toppling")
+        if self.inertia is None and (self.stiffness or self.damping):
+            raise ValueError("stiffness and damping are those of a fit, which needs inertia and toppling")
         return self
 
 

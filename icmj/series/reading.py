@@ -22,7 +22,7 @@ from icmj.base.files import open_file, whole
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.formats import HEAD, LINES, LONGEST_LINE, CsvShape, csv_shape, group_for, groups_of, header_of
-from icmj.series.series import COUNTER, Series, place, see_names_differ, step_of
+from icmj.series.series import COUNTER, SETTLED, Series, place, see_names_differ, step_of
 
 MOST_BYTES = 500_000_000
 MOST_NUMBERS = 12_000_000  # that are read, times among them; measuring them takes a gigabyte and a half
@@ -38,7 +38,14 @@ _MOST_WORDS = 10_000_000  # bytes of names and units
 _NAME = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
 
-def read_series(path: Path | str, *, columns: Sequence[str] = (), rate: float | None = None) -> Series:
+def read_series(
+    path: Path | str,
+    *,
+    columns: Sequence[str] = (),
+    rate: float | None = None,
+    since: float | None = None,
+    until: float | None = None,
+) -> Series:
     """The time series in a file that :func:`icmj.write_series` or another program has written.
 
     The columns of a CSV file may be separated by commas, semicolons, tabs or spaces; unless commas separate them,
@@ -55,20 +62,37 @@ def read_series(path: Path | str, *, columns: Sequence[str] = (), rate: float | 
         path: ``.parquet``, ``.npz``, ``.mot``, ``.sto``, ``.c3d``; any other file is read as CSV.
         columns: names of the signals, in this order; by default all.
         rate: rows per second [Hz], for a file without times.
+        since, until: times [s] before and after which rows are left out; by default none.
 
     Raises:
-        DataError: if the file cannot be read, is too large, contains no numbers or no such columns, or its times are
-            missing or do not increase; for C3D, if ezc3d is not installed.
+        DataError: if the file cannot be read, is too large, contains no numbers or no such columns, has no rows from
+            ``since`` to ``until``, or its times are missing or do not increase; for C3D, if ezc3d is not installed.
     """
     path = Path(path)
     try:
         with open_file(path, MOST_BYTES) as file:
-            return READERS.get(path.suffix.lower(), _read_csv)(path, file, columns, rate)
+            found = READERS.get(path.suffix.lower(), _read_csv)(path, file, columns, rate)
+            return cut_rows(found, since, until)
     except DataError as error:
         raise DataError(f"{path}: {error}") from error
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else one_line(error, 200)
         raise DataError(f"{one_line(path, 200)}: cannot be read ({reason})") from error
+
+
+def cut_rows(series: Series, since: float | None, until: float | None) -> Series:
+    """The rows from ``since`` to ``until`` [s], where they are given.
+
+    Raises:
+        DataError: if there are none.
+    """
+    kept = series if since is None else series.since(since)
+    kept = kept if until is None else kept.until(until)
+    if len(series) and not len(kept):
+        begin, end = (f"{given:g}" if given is not None else "" for given in (since, until))
+        asked = " ".join(filter(None, (begin and f"from {begin} s", end and f"until {end} s")))
+        raise DataError(f"no rows {asked}; it has rows from {series.t[0]:g} to {series.t[-1]:g} s")
+    return kept
 
 
 def name_and_unit(header: str) -> tuple[str, str]:
@@ -242,6 +266,7 @@ def _read_parquet(path: Path, source: BinaryIO, columns: Sequence[str], rate: fl
     try:
         with pq.ParquetFile(source, pre_buffer=False, buffer_size=_PART) as file:
             every = list(file.schema_arrow)
+            settled = f"icmj.{SETTLED}".encode() in (file.schema_arrow.metadata or {})
             good = [i for i, f in enumerate(every) if pa.types.is_floating(f.type) or pa.types.is_integer(f.type)]
             fields = [every[i] for i in good]
             if not fields:
@@ -258,7 +283,8 @@ def _read_parquet(path: Path, source: BinaryIO, columns: Sequence[str], rate: fl
                 count += len(batch)
     except (pa.ArrowException, OSError, IndexError) as error:
         raise DataError(f"not a Parquet file that can be read ({one_line(error, 160)})") from error
-    return choice.series(data[:count])
+    series = choice.series(data[:count])
+    return replace(series, facts={SETTLED: ""}) if settled else series
 
 
 def _read_npz(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:

@@ -50,6 +50,8 @@ DIMENSIONS = {
 }
 STEADY = ("x", "y", "x_o")  # of these, those that bend where an input jumps, and do not jump
 COUNTER = "interval"  # of a run's signals, the number of events before each row
+SETTLED = "settled"  # the fact of a trial of an experiment that its beginning is left out already
+REMARKS = {"part": "", "resampled": "resampled by a "}  # facts that people are told, and the words before them
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,6 +143,16 @@ class Series(WithCard):
         """The rows from ``t`` [s] on, to leave out the beginning; a row that rounding puts before it is one of them."""
         late = self.t >= t - (EVEN * float(np.median(np.diff(self.t))) if len(self) > 1 else 0.0)
         return replace(self, t=self.t[late], values=self.values[late])
+
+    def until(self, t: float) -> Series:
+        """The rows up to ``t`` [s], to leave out the end; a row that rounding puts behind it is one of them."""
+        early = self.t <= t + (EVEN * float(np.median(np.diff(self.t))) if len(self) > 1 else 0.0)
+        return replace(self, t=self.t[early], values=self.values[early])
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was done to recorded rows, or is odd about them, in words: those of its facts that say so."""
+        return tuple(f"{words}{self.facts[key]}" for key, words in REMARKS.items() if key in self.facts)
 
     def to_pandas(self) -> DataFrame:
         """The series as a pandas ``DataFrame`` with the index ``t`` [s]; units by column are in ``attrs["units"]``.
@@ -261,6 +273,8 @@ def _variables(names: Sequence[str]) -> dict[str, list[int]]:
 MOST_ROWS = 5e6  # of an even series; measuring two signals of so many takes a gigabyte and a half
 LARGEST, LONGEST = 1e50, 1e12  # of a value, whatever its unit; of a step [s], and of its inverse
 GAP = 2.5  # steps: a distance between rows beyond which nobody knows what was there
+PASSED = 0.4  # of a lower rate, below which signals are taken over
+_EDGE = 15  # rows by which a filter continues a record at its ends, SciPy's own number
 _ROUGH = 0.25  # of a step: rounding to few digits leaves the mean rate as it is; a lost row moves others by half a step
 _CLOSE = 0.1  # of the usual distance between rows: one this close to the row before it adds nothing but rounding
 
@@ -308,7 +322,9 @@ def row_step(t: Array) -> float:
 def even_series(series: Series, rate: float | None = None) -> Series:
     """``series`` at even times: as it is where its times are even already, else by a cubic spline through its rows.
 
-    Of a run, by one spline for each open-loop interval.
+    Of a run, by one spline for each open-loop interval. For a rate below that of its rows, what is faster than 0.4
+    times the new rate is filtered out first, as it would appear as something slow (Butterworth, fourth order, run
+    forward and backward); not so of a run, whose signals jump.
 
     Args:
         series: its values may not be missing.
@@ -334,15 +350,27 @@ def even_series(series: Series, rate: float | None = None) -> Series:
     step = row_step(series.t) if rate is None else step_of(rate, float(series.t[-1] - series.t[0]))
     if off <= EVEN * mean and abs(step - mean) * (len(series) - 1) <= EVEN * max(step, mean):
         return replace(series, t=series.t[0] + mean * np.arange(len(series)))
+    slower = ""
     if len(series.jumps):
         t = series.t[0] + step * np.arange(int((series.t[-1] - series.t[0]) / step + EVEN) + 1)
         t = np.minimum(t, series.t[-1])
         values = piecewise(series.t, series.values, t, jumps=series.jumps, steady=steady(series.names))
     else:
-        t, values = evenly(series.t, series.values, step)
-    return replace(
-        series, t=t, values=values, facts={**series.facts, "resampled": f"cubic spline at {1 / step:.6g} Hz"}
-    )
+        t, values, own = series.t, series.values, row_step(series.t)
+        if step > (1 + EVEN) * own:
+            t, values = evenly(t, values, own)
+            values, slower = _hold_back(values, PASSED * own / step), f", below {PASSED / step:.4g} Hz"
+        t, values = evenly(t, values, step)
+    facts = {**series.facts, "resampled": f"cubic spline at {1 / step:.6g} Hz{slower}"}
+    return replace(series, t=t, values=values, facts=facts)
+
+
+def _hold_back(values: Array, corner: float) -> Array:
+    """Even signals without what is faster than ``corner``, in cycles a row."""
+    from scipy.signal import butter, sosfiltfilt
+
+    length = min(_EDGE, len(values) - 1)
+    return np.asarray(sosfiltfilt(butter(4, corner, fs=1.0, output="sos"), values, axis=0, padlen=length), float)
 
 
 def check_complete(series: Series, fewest: int = 2) -> None:

@@ -43,7 +43,7 @@ from icmj.report.experiment import Row, experiment_page
 from icmj.runfile.experiment_tables import CaseTable, ExperimentFile, load_experiment
 from icmj.runfile.schema import RunFile
 from icmj.series.reading import FORMATS, read_series
-from icmj.series.series import Series
+from icmj.series.series import SETTLED, Series
 from icmj.simulation.settings import reseeded
 from icmj.study.estimate import refuse_trials
 from icmj.study.kind import CaseResult, DoubleStepKind, Experiment, Kind, QuietStandingKind
@@ -162,7 +162,7 @@ def summary(experiment: Experiment) -> dict[str, object]:
         for told in experiment.found
     ]
     head = experiment.file.experiment
-    return {"name": head.name, "kind": experiment.file.kind, "found": found}
+    return {"name": head.name, "kind": experiment.file.kind, "found": found, "notes": list(experiment.notes)}
 
 
 def write_results(experiment: Experiment, kind: Kind, folder: Folder) -> None:
@@ -179,7 +179,9 @@ def write_results(experiment: Experiment, kind: Kind, folder: Folder) -> None:
         svg = _draw(experiment, kind, path)
         file = experiment.file
         rows = _rows(experiment)
-        page = experiment_page(_title(experiment), file.kind, file.settings, rows, svg, experiment.recordings)
+        page = experiment_page(
+            _title(experiment), file.kind, file.settings, rows, svg, experiment.recordings, experiment.notes
+        )
         write_text(path / PAGE, page)
     except OSError as error:
         raise StudyError(f"{path}: cannot be written to ({error.strerror}); choose another --out") from error
@@ -278,24 +280,32 @@ def analyse_recordings(
     out: Path | str | None = None,
     *,
     rate: float | None = None,
+    since: float | None = None,
+    until: float | None = None,
 ) -> Experiment:
     """Analyse recordings of people, or other recordings, with the settings of an experiment file, without simulation.
+
+    Of each, the part is taken that the file asks for: a key that it leaves out (``settle``, ``duration``, ``periods``,
+    ``rate``) leaves nothing out and resamples nothing, whatever its default in simulations is.
 
     Args:
         file: the experiment file, its path, or the name of a shipped one; its cases are ignored.
         recordings: files that :func:`icmj.read_series` reads: the trials of one person and condition.
         out: folder for results and figure.
         rate: rows per second of files without times [Hz].
+        since, until: times [s] before and after which rows of every recording are left out.
 
     Raises:
         RunFileError: if the experiment file does not validate.
-        DataError: if a recording cannot be read, a column or its unit is missing, or the analysis is not possible.
+        DataError: if a recording cannot be read, a column or its unit is missing, it is shorter than the file asks for,
+            or the analysis is not possible.
     """
     made = file if isinstance(file, ExperimentFile) else load_experiment(file)
-    kind, trials = kind_of(made), []
+    kind, trials, notes = kind_of(made), [], list[str]()
     for path in map(Path, recordings):
         try:
-            trials.append(Recording(kind.read(read_series(path, rate=rate))))
+            trials.append(Recording(kind.read(read_series(path, rate=rate, since=since, until=until))))
+            notes += [f"{path.name}: {remark}" for remark in trials[-1].series.remarks]
         except DataError as error:
             raise DataError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from error
     if not trials:
@@ -307,7 +317,7 @@ def analyse_recordings(
         raise DataError(f"{which}: {error}") from error
     name = Path(recordings[0]).stem
     told = CaseResult(name, name, "recording", finding, len(trials), finding.words)
-    experiment = Experiment(made, (told,), tuple(Path(path).name for path in recordings))
+    experiment = Experiment(made, (told,), tuple(Path(path).name for path in recordings), tuple(notes))
     if out is not None:
         with resume_experiment(out, made) as folder:
             write_results(experiment, kind, folder)
@@ -424,7 +434,9 @@ def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], Non
     # what stands for continuous control is a clock of a few milliseconds, whose ticks are no events
     events = found.events.t[:0] if one.table.control == "continuous" else found.events.t
     events = events[between(events, kind.begin)] - kind.begin
-    return Recording(kind.recorded(case, found), events, "completed" if whole else found.outcome.kind)
+    signals = kind.recorded(case, found)
+    signals = replace(signals, facts={**signals.facts, SETTLED: f"{kind.begin:g} s are left out"})
+    return Recording(signals, events, "completed" if whole else found.outcome.kind)
 
 
 def _set_controller(one: Condition, case: Case) -> Case:

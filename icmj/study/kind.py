@@ -38,7 +38,7 @@ from icmj.experiments.reconstruction import Reconstruction, reconstruct_steps
 from icmj.experiments.refractoriness import DIRECTIONS, Explanation, Reactions, Refractoriness, analyse_reactions
 from icmj.runfile.experiment_tables import DoubleStepTable, ExperimentFile, QuietStandingTable
 from icmj.runfile.schema import RunFile
-from icmj.series.series import Series, even_series
+from icmj.series.series import EVEN, SETTLED, Series, even_series, row_step
 from icmj.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -74,11 +74,13 @@ class Experiment:
         file: the experiment file.
         found: the results for each case on each plant, in the order of the file, or for recordings.
         recordings: names of the files of recordings; empty for simulated trials.
+        notes: what was left out of them, or resampled, or is odd about them.
     """
 
     file: ExperimentFile
     found: tuple[CaseResult, ...]
     recordings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> CaseResult:
         """The result for a case, or for ``case.plant``."""
@@ -114,7 +116,17 @@ class Kind(ABC):
 
     @abstractmethod
     def read(self, series: Series) -> Series:
-        """The same signals from a file; DataError if a column is missing."""
+        """The same signals from a file, of the part that the table asks for; DataError if a column is missing.
+
+        A key of the table that has no effect on recordings is one of the stimulus, or is refused.
+        """
+
+    def stated(self, key: str) -> Any:
+        """The value of a key that the file states; ``None`` of one that it leaves out.
+
+        Defaults are of simulations: where the file does not say what is left out, a recording is taken whole.
+        """
+        return getattr(self.settings, key) if key in self.settings.model_fields_set else None
 
     @abstractmethod
     def analyse(
@@ -146,6 +158,34 @@ def sample_rows(signals: Series, simulation: Simulation, rate: float, since: flo
     if len(t) < 2:
         return replace(signals, t=signals.t[:1], values=signals.values[:1])
     return replace(signals, t=t - t[0], values=simulation.interpolate(signals.names, signals.values, t))
+
+
+def cut_recording(series: Series, begin: float | None, duration: float | None, keys: str) -> Series:
+    """The part of a recording that is analysed.
+
+    Args:
+        series: the recording; one that is a trial of an experiment has lost its beginning already.
+        begin: what is left out after its first row [s].
+        duration: of the part after this [s]; by default all.
+        keys: of the table that say so, for the message.
+
+    Raises:
+        DataError: if the recording is shorter.
+    """
+    begin = None if SETTLED in series.facts else begin
+    if len(series) > 1 and (begin is not None or duration is not None):
+        first, step = float(series.t[0]), row_step(series.t)
+        whole, asked = float(series.t[-1]) - first + step, (begin or 0.0) + (duration or 0.0)
+        if whole < asked - EVEN * step:
+            raise DataError(
+                f"{whole:.6g} s of record; {keys} ask for {asked:g} s, lower them or leave them out to take all of it"
+            )
+        series = series.since(first + (begin or 0.0))
+        series = series if duration is None else series.until(first + asked)
+        if len(series) > 1:
+            part = f"analysed from {series.t[0]:.6g} to {series.t[-1]:.6g} s"
+            series = replace(series, facts={**series.facts, "part": part})
+    return series
 
 
 PERSON = {"mass": (30.0, 200.0), "height": (0.5, 1.5)}  # kg, and m of the centre of mass: a body of a person's size
@@ -203,7 +243,9 @@ class QuietStandingKind(Kind):
         return sample_rows(whole.chosen(columns), simulation, self.settings.rate, self.begin)
 
     def read(self, series: Series) -> Series:
-        return even_series(series.chosen(self.settings.columns) if self.settings.columns else series)
+        series = series.chosen(self.settings.columns) if self.settings.columns else series
+        settle, duration, rate = map(self.stated, ("settle", "duration", "rate"))
+        return even_series(cut_recording(series, settle, duration, "settle and duration"), rate)
 
     def analyse(
         self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
@@ -319,6 +361,12 @@ class DoubleStepKind(Kind):
         for name, unit in zip(pair.names, pair.units, strict=True):
             if not unit:
                 raise DataError(f"{name}: has no unit; give one, as in '{name} [rad]'")
+        rate, step = self.stated("rate"), row_step(pair.t) if len(pair) > 1 else np.nan
+        if rate is not None and abs(rate * step - 1) > EVEN:
+            raise DataError(
+                f"{1 / step:.6g} rows a second, and rate = {rate:g} in the file; a control that jumps cannot be "
+                "resampled, leave rate out"
+            )
         return replace(pair, names=(TARGET, CONTROL))
 
     def analyse(

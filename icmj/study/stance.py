@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from icmj.base.array import Array, between
+from icmj.base.array import Array, between, steps_in
 from icmj.case.case import Case, PlantKind
 from icmj.controller.controller import has_trigger
 from icmj.engine.plant import MujocoPlant
@@ -34,12 +34,12 @@ from icmj.experiments.quiet_standing import (
 from icmj.runfile.experiment_tables import IntersectionPointTable, MultisineTable, PerturbedStanceTable
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import TomlTable
-from icmj.series.series import Series, even_series
+from icmj.series.series import EVEN, SETTLED, Series, even_series
 from icmj.series.units import in_si
 from icmj.simulation.disturbance import LOW_PASS_END, ternary_lines
 from icmj.simulation.settings import Gaussian, Noise, Sinusoids, Source
 from icmj.simulation.simulation import Simulation
-from icmj.study.kind import CaseResult, Kind, sample_rows, set_duration
+from icmj.study.kind import CaseResult, Kind, cut_recording, sample_rows, set_duration
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -161,15 +161,15 @@ class MultisineKind(Kind):
         if self.settings.response is None:
             raise DataError("[multisine] response says which column of a recording is analysed; give it")
         pair = series.chosen([self.settings.stimulus, self.settings.response])
-        return replace(pair, names=(STIMULUS, RESPONSE))
+        return take_periods(self, replace(pair, names=(STIMULUS, RESPONSE)))
 
     def analyse(
         self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
     ) -> FoundMultisine:
         trials = [one.series for one in keep_complete(recordings)]
         table = self.settings
-        if case is not None:  # the last sample begins the next period
-            trials = [replace(one, t=one.t[:-1], values=one.values[:-1]) for one in trials]
+        if case is not None:
+            trials = [_whole_periods(one, table.period) for one in trials]
         how: dict[str, Any] = {"period": table.period, "lines": table.lines}
         found, each = analyse_trials(trials, STIMULUS, RESPONSE, how)
         units = (trials[0].units[0], trials[0].units[1])
@@ -223,6 +223,31 @@ def analyse_trials(
         raise DataError(f"trials in different units ({first}; {other}), which have no mean; convert one")
     each = [multisine(one, stimulus, response, **how) for one in trials] if len(trials) > 1 else []
     return multisine(trials, stimulus, response, **how), tuple(each)
+
+
+def take_periods(kind: MultisineKind | PerturbedStanceKind, series: Series) -> Series:
+    """The periods of a recording that the table asks for, those after its first ``settle`` ones.
+
+    Where it asks for none, or for no number of them, all; the last whole ones of a recording of people, which may begin
+    within one. A trial of an experiment begins with a period.
+
+    Raises:
+        DataError: if there are fewer.
+    """
+    period, settle, periods, rate = kind.settings.period, *map(kind.stated, ("settle", "periods", "rate"))
+    begin, duration = (None if count is None else count * period for count in (settle, periods))
+    cut = even_series(cut_recording(series, begin, duration, f"settle and periods of {period:g} s"), rate)
+    begins = settle is not None or periods is not None or SETTLED in series.facts
+    return _whole_periods(cut, period) if begins else cut
+
+
+def _whole_periods(series: Series, period: float) -> Series:
+    """The first whole periods of a trial: a sample behind the last of them begins the next."""
+    if len(series) < 2:
+        return series
+    begin, step = float(series.t[0]), float(series.t[-1] - series.t[0]) / (len(series) - 1)
+    count = steps_in((float(series.t[-1]) - begin + (1 + EVEN) * step) / period)
+    return series if count < 1 else series.until(begin + count * period - step / 2)
 
 
 def _phases(count: int, seed: int) -> list[float]:
@@ -308,15 +333,15 @@ class PerturbedStanceKind(Kind):
     def read(self, series: Series) -> Series:
         # channels are fitted to a body's angle under a tilt: volts or millimetres would have no stiffness in N m/rad
         pair = in_si(series.chosen([self.settings.stimulus, self.settings.response]), "angle", "angle")
-        return replace(pair, names=(TILT, BODY))
+        return take_periods(self, replace(pair, names=(TILT, BODY)))
 
     def analyse(
         self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
     ) -> FoundStance:
         trials = [one.series for one in keep_complete(recordings)]
         table = self.settings
-        if case is not None:  # the last sample begins the next period
-            trials = [replace(one, t=one.t[:-1], values=one.values[:-1]) for one in trials]
+        if case is not None:
+            trials = [_whole_periods(one, table.period) for one in trials]
         how = {"period": table.period, "lines": self._lines()[:, 1] / (2 * np.pi)}
         found, each = analyse_trials(trials, TILT, BODY, how)
         channels = self._channels(found)
@@ -435,18 +460,21 @@ class IntersectionPointKind(Kind):
         return force_angle(sample_rows(force, simulation, self.settings.rate, self.begin), *names[:2])
 
     def read(self, series: Series) -> Series:
-        if self.settings.angle not in series.names:
-            known = set(series.names)
-            if not known.issuperset(self.settings.force):
+        table, axis = self.settings, self.settings.axis
+        angle, force = self.stated("angle"), self.stated("force") or (f"force.{axis}", "force.z")
+        cop = self.stated("cop") or f"cop.{axis}"
+        if angle is None and self.stated("force") is None and not set(series.names).issuperset(force):
+            angle = table.angle
+            if angle not in series.names:
                 raise DataError(
-                    f"no column {self.settings.angle!r}, nor {' and '.join(self.settings.force)}; it has "
-                    f"{', '.join(series.names[:20])}"
+                    f"no column {angle!r}, nor {' and '.join(force)}; it has {', '.join(series.names[:20])}"
                 )
-            series = force_angle(series, *self.settings.force)
-            pair = series.chosen(["force_angle", self.settings.cop])
-        else:
-            pair = series.chosen([self.settings.angle, self.settings.cop])
-        return even_series(replace(pair, names=("force_angle", f"cop.{self.settings.axis}")))
+        settle, duration, rate = map(self.stated, ("settle", "duration", "rate"))
+        wanted = [cop, *(force if angle is None else (angle,))]
+        found = cut_recording(series.chosen(wanted), settle, duration, "settle and duration")
+        if angle is None:
+            found, angle = force_angle(found, *force), "force_angle"
+        return even_series(replace(found.chosen([angle, cop]), names=("force_angle", f"cop.{axis}")), rate)
 
     def analyse(
         self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None

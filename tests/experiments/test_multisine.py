@@ -158,8 +158,20 @@ def test_a_stimulus_that_is_wrong_is_refused_in_one_line(before, after, words, t
 
 def test_a_recording_is_analysed_by_its_columns(tmp_path):
     icmj.write_series(series_of(0.5, 1), tmp_path / "joystick.parquet")
-    text = TEXT.replace("settle = 6", 'settle = 6\nstimulus = "u"\nresponse = "y"')
+    text = TEXT.replace("settle = 6", 'settle = 3\nstimulus = "u"\nresponse = "y"')
     file = ExperimentFile.validated(parse_toml(text, tmp_path / "s.toml"), tmp_path / "s.toml", text)
     found = icmj.analyse_recordings(file, [tmp_path / "joystick.parquet"])["joystick"].finding
     np.testing.assert_allclose(np.abs(found.measured.response), 2.0, rtol=0.1)
     assert np.isnan(found.numbers["explained by continuous control"])
+
+
+def test_a_trial_of_the_experiment_is_a_recording_of_the_same_result(tmp_path):
+    """Its first sample was left out, and the last one, which begins the next period, was analysed instead."""
+    file = ExperimentFile.validated(parse_toml(TEXT, tmp_path / "s.toml"), tmp_path / "s.toml", TEXT)
+    done = icmj.run_experiment(file, tmp_path / "out", jobs=1)
+    trial = tmp_path / "out" / "trials" / "intermittent.linear.0000.parquet"
+    text = TEXT.replace("settle = 6", 'settle = 6\nresponse = "response"')
+    named = ExperimentFile.validated(parse_toml(text, tmp_path / "s.toml"), tmp_path / "s.toml", text)
+    found = icmj.analyse_recordings(named, [trial]).found[0].finding.curves
+    for name in ("real", "imag", "radius", "power"):
+        np.testing.assert_array_equal(found[name], done["intermittent"].finding.curves[name])

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import icmj
 from icmj.series.series import Series, even_series, evenly
 
 
@@ -73,3 +74,31 @@ def test_a_run_that_was_exported_is_measured_between_its_events():
     # a count that has a unit, falls, or numbers the rows is no count of events
     for column, unit in ((values[:, 1], "s"), (values[::-1, 1], ""), (np.arange(len(t)), "")):
         assert len(Series(t, np.column_stack([values[:, 0], column]), ("u", "interval"), ("", unit)).jumps) == 0
+
+
+def test_what_a_lower_rate_cannot_show_is_filtered_out_before():
+    """0.5 mm of hum at 97 Hz in rows of 1000 Hz became 3 Hz at 100 Hz, and made the mean speed 2.18 times as large."""
+    t = np.arange(60_000) / 1000
+    slow = 5.0 * np.sin(2 * np.pi * 0.4 * t)
+    hum = 0.5 * np.sin(2 * np.pi * 97 * t)
+    series = icmj.Series(t, np.column_stack([slow, slow + hum]), ("clean", "cop"), ("mm", "mm"))
+    clean, cop = icmj.measure_sway(series, rate=100.0).coordinates
+    # 4 · amplitude · frequency; at both ends the filter meets a hum that begins and ends there
+    assert clean.speed == pytest.approx(4 * 5.0 * 0.4, rel=1e-3)
+    assert cop.speed == pytest.approx(clean.speed, rel=0.01)
+    even = even_series(series, 100.0)
+    assert even.remarks == ("resampled by a cubic spline at 100 Hz, below 40 Hz",)
+    # at 0.4 of the new rate each run of the filter lets 1/√2 pass
+    corner = icmj.Series(t, np.sin(2 * np.pi * 40 * t)[:, None], ("a",))
+    inner = even_series(corner, 101.0).since(5).until(55).values[:, 0]
+    warped = np.tan(np.pi * 0.04) / np.tan(np.pi * 0.0404)
+    assert inner.std() * np.sqrt(2) == pytest.approx(1 / (1 + warped**8), rel=0.01)
+
+
+def test_a_higher_rate_and_the_jumps_of_a_run_are_not_filtered():
+    t = np.arange(300) / 100
+    values = np.sin(2 * np.pi * 20 * t)[:, None]
+    assert "below" not in even_series(icmj.Series(t, values, ("a",)), 200.0).facts["resampled"]
+    counts = np.column_stack([values[:, 0], np.floor(t)])
+    run = icmj.Series(t, counts, ("y.a", "interval"), ("rad", ""))
+    assert "below" not in even_series(run, 50.0).facts["resampled"]
