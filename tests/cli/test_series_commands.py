@@ -95,7 +95,7 @@ FILES = {
     (["measure", "gap.csv"], "gap.csv: a gap of 1 s after 3 s"),
     (["measure", "nan.csv"], "nan.csv: a: 399 of 900 values are missing or not finite, the first at 5.01 s"),
     (["measure", "short.csv"], "short.csv: 2 rows; expected at least 20"),
-    (["measure", "short.csv", "--since", "9"], "short.csv: 0 rows"),
+    (["measure", "short.csv", "--since", "9"], "short.csv: no rows from 9 s; it has rows from 0 to 1 s"),
     (["measure", "wide.csv"], "wide.csv: 8 signals (a, b, c, d, ...); name up to 6 by --columns"),
     (["measure", "clockless.csv"], "say with --rate how many rows a second has"),
     (["measure", "words.csv"], "no rows of numbers"),
