@@ -6,9 +6,18 @@ from pathlib import Path
 
 import numpy as np
 
-from icmj import Controller, Deviation, MujocoPlant, Settings, error_system, load_plant, predict
+from icmj import (
+    Controller,
+    Deviation,
+    EventTrigger,
+    MujocoPlant,
+    Settings,
+    error_system,
+    load_plant,
+    output_weight,
+    predict,
+)
 from icmj.controller.design import design_lq, system_matched
-from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.closed_loop import ComposedLoop, close_loop
 
 MODEL = Path(__file__).resolve().parent.parent / "models" / "three_link.xml"

@@ -160,7 +160,133 @@ for key, where in (("simulation.disturbance", "input"), ("setpoint", "output")):
 """
     + RUN_REST,
 )
-SHELVES = {"shapes": SHAPES}
+RULES = Shelf(
+    "controller/rules",
+    "band",
+    '''"""A band: an event when one component of the hold error passes a threshold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Ge
+
+from icmj.base.array import NonNegative, Positive
+from icmj.controller.design import Design
+from icmj.controller.trigger import EventRule, Faces
+
+
+@dataclass(frozen=True)
+class Band(EventRule):
+    """|e_i| = width, for one state i."""
+
+    width: float
+    state: int = 0
+    delta_min: float = 1e-3
+
+    @property
+    def size(self) -> float:
+        return self.width
+
+    def resized(self, size: float) -> Band:
+        return replace(self, width=size)
+
+    def faces(self, design: Design) -> Faces:
+        return Faces(np.eye(design.plant.n)[[self.state]] / self.width, np.array([0, 1]))
+
+    def facts(self) -> Mapping[str, Any]:
+        return {"width": self.width, "state": self.state, "delta_min": self.delta_min}
+
+
+def from_keys(
+    design: Design,
+    width: Positive | None = None,
+    state: Annotated[int, Ge(0)] = 0,
+    delta_min: NonNegative = 1e-3,
+) -> Band:
+    """The rule of a run file.
+
+    Args:
+        design: of the controller.
+        width: half the width of the band [unit of the state].
+        state: number of the state.
+        delta_min: least interval [s].
+    """
+    assert width is not None
+    return Band(width, state, delta_min)
+
+
+RULE = Band
+''',
+    """
+import icmj, numpy as np
+from pathlib import Path
+from icmj.log.archive import pack, unpack
+from icmj.runfile.sweep_tables import json_schema
+run = icmj.load_run("simple-0.8").with_(**{
+    "simulation.duration": 10.0, "controller.Q_t": None, "controller.q_t": None,
+    "controller.rule": "band", "controller.width": 0.01, "controller.delta_min": 0.02})
+case = icmj.prepare(run)
+result = icmj.run_case(run, "linear")
+events = result.simulation.events
+assert len(events) > 2
+np.testing.assert_allclose(np.abs(events.x_h - events.x_o)[:, 0], 0.01, rtol=1e-9)
+back = unpack(*pack(result)).controller.trigger
+assert (type(back).__name__, back.width, back.state, back.delta_min) == ("Band", 0.01, 0, 0.02)
+keys = json_schema("run")["$defs"]["Control"]["properties"]
+assert keys["width"]["description"] == "Half the width of the band [unit of the state]."
+assert "band" in str(keys["rule"])
+linear = result.actual
+composed = icmj.compose_run(linear, result.controller, icmj.Settings(duration=1.0), name="again")
+assert (composed.controller.rule, composed.controller.width) == ("band", 0.01)
+""",
+    """
+import icmj
+from icmj.errors import RunFileError
+run = icmj.load_run("simple-0.8")
+for changes, words in (
+    ({"controller.rule": "band", "controller.Q_t": None, "controller.q_t": None}, "the band rule needs width"),
+    ({"controller.rule": "band", "controller.width": 1.0}, "the band rule has no q_t"),
+    ({"controller.width": 1.0}, "the quadratic rule has no width"),
+    ({"controller.rule": "band", "controller.width": -1.0}, "width: must be greater than 0"),
+):
+    try:
+        run.with_(**changes)
+    except RunFileError as error:
+        assert words in str(error) and "\\n" not in str(error), error
+    else:
+        raise AssertionError(changes)
+""",
+    """
+import sys, icmj
+from icmj.errors import IcmjError
+from icmj.controller.rules import RULES
+from icmj.runfile.sweep_tables import json_schema
+from icmj.work.own_code import RUNS
+gone = sys.argv[1]
+keys = {"quadratic": {"q_t": 0.01}, "box": {"threshold": 0.01}}
+(other,) = RULES.names
+text = RUNS.files["simple-0.8"].read_text(encoding="utf-8").partition("[controller]")[0].replace(
+    "../models/pendulum.xml", "pendulum").partition("fingerprint")
+text = text[0] + text[2].partition("\\n")[2]
+def read(rule, size):
+    return icmj.parse_run(f'{text}[controller]\\nrule = "{rule}"\\n{size} = 0.01\\n[simulation]\\nduration = 2.0')
+try:
+    read(gone, *keys[gone])
+except IcmjError as error:
+    assert "controller.rule" in str(error) or next(iter(keys[gone])) in str(error), error
+    assert "\\n" not in str(error)
+else:
+    raise AssertionError(gone)
+json_schema("run")
+result = icmj.run_case(read(other, *keys[other]), "linear")
+assert len(result.simulation.t) > 100
+""",
+)
+SHELVES = {"shapes": SHAPES, "event rules": RULES}
 
 
 @contextmanager
@@ -201,7 +327,9 @@ def add(place: Path, shelf: Shelf) -> None:
     (folder / f"{shelf.name}.py").write_text(shelf.source, encoding="utf-8")
     entries = folder / "__init__.py"
     text = entries.read_text(encoding="utf-8")
-    entries.write_text(re.sub(r'^        "', f'        "{shelf.name}",\n        "', text, count=1, flags=re.M), "utf-8")
+    entries.write_text(
+        text.replace(last := f'        "{names_of(shelf)[-1]}",\n', f'{last}        "{shelf.name}",\n'), "utf-8"
+    )
     execute(place, shelf.works)
     execute(place, shelf.refused)
 

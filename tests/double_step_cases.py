@@ -3,8 +3,10 @@
 import numpy as np
 
 from icmj import Controller, Delay, Gaussian, LinearPlant, Series, Settings, design_lq, system_matched
+from icmj.controller.design import output_weight
+from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import StepPairs, setpoint
-from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
+from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.linear.run import simulate
 
 T_D, D_OL, D_S = 0.14, 0.35, 0.12  # delay, open-loop interval, sampling delay [s]

@@ -7,7 +7,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from icmj import Controller, Design, LinearPlant, Settings, design_lq, system_matched, zero_order
-from icmj.controller.trigger import Continuous, EventTrigger, as_weight
+from icmj.controller.rules.quadratic import EventTrigger, as_weight
+from icmj.controller.trigger import Continuous
 from icmj.runfile.run_tables import SimulationTable
 
 PENDULUM = LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]], ("hinge", "hinge_rate"), ("torque",), ("angle",))

@@ -11,8 +11,8 @@ from scipy.optimize import brentq
 
 from icmj import Controller, Deviation, LinearPlant, MujocoPlant, Prediction, RunFile, load_plant, parse_run
 from icmj.case.result import AmplitudeLaw, Growth, Result
-from icmj.controller.design import Design, design_lq, system_matched
-from icmj.controller.trigger import EventTrigger, output_weight
+from icmj.controller.design import Design, design_lq, output_weight, system_matched
+from icmj.controller.rules.quadratic import EventTrigger
 from icmj.engine.linearisation import linearise
 from icmj.engine.pose import scene
 from icmj.measurement.measurement import Measurement

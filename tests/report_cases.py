@@ -12,7 +12,9 @@ import numpy as np
 
 from icmj import Controller, Design, design_lq, error_system, measure, parse_run, predict, system_matched
 from icmj.case.result import AmplitudeLaw, Growth, Result
-from icmj.controller.trigger import Continuous, EventTrigger, output_weight
+from icmj.controller.design import output_weight
+from icmj.controller.rules.quadratic import EventTrigger
+from icmj.controller.trigger import Continuous
 from icmj.linear.run import simulate
 from icmj.plant.linear_plant import LinearPlant, transformation
 from icmj.simulation.simulation import Pressure

@@ -30,10 +30,10 @@ from functools import lru_cache
 from math import comb
 from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, Literal
 
 import numpy as np
-from annotated_types import Ge, Le
+from annotated_types import Ge, Le, Len
 from numpy.typing import ArrayLike, NDArray
 
 from icmj.base.files import open_file
@@ -53,6 +53,10 @@ NonNegative = Annotated[float, Ge(0), Le(LARGEST)]
 Finite = Annotated[float, Ge(-LARGEST), Le(LARGEST)]
 MOST_ENTRIES = 200  # of a list: more states, inputs or thresholds than can be computed with
 Seed = Annotated[int, Ge(0), Le(2**63 - 1)]
+Numbers = Annotated[list[Finite], Len(1, MOST_ENTRIES)]
+Positives = Annotated[list[Positive], Len(1, MOST_ENTRIES)]
+Matrix = Annotated[list[Numbers], Len(1, MOST_ENTRIES)]
+Weight = Literal["output", "identity"] | Numbers | Matrix
 
 RELATIVE_ROUNDING = 1e-9
 """How far numbers may be apart, relative to them, and count as equal: rounding, with room for other processors."""

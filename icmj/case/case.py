@@ -399,7 +399,7 @@ def revise(case: Case, run: RunFile) -> Case:
     law = expect_rule(case, what := "a case with an event rule")
     theory = expect_theory(case, what)
     same = all(getattr(run, table) == getattr(known, table) for table in ("assumed", "actual", "design", "analysis"))
-    control = run.intermittent.model_copy(update={"q_t": known.intermittent.q_t})
+    control = run.intermittent.at_threshold_of(known.intermittent)
     if not same or control != known.controller or run.path.parent != known.path.parent:
         raise RunFileError(f"{run.path}: has other plants, design or rule than {known.path}; prepare it anew")
     check_names(run, case.assumed.linearisation.plant, case.actual)

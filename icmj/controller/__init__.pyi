@@ -6,6 +6,7 @@ from .realisation import Layout as Layout
 from .realisation import Mode as Mode
 from .realisation import Realisation as Realisation
 from .realisation import parallel as parallel
+from .rules.quadratic import as_weight as as_weight
 from .setpoint import Setpoint as Setpoint
 from .setpoint import StepPairs as StepPairs
 from .setpoint import double_steps as double_steps
@@ -19,6 +20,5 @@ from .setpoint import ternary as ternary
 from .trigger import Faces as Faces
 from .trigger import RecordedRule as RecordedRule
 from .trigger import Trigger as Trigger
-from .trigger import as_weight as as_weight
 
 __all__: list[str]

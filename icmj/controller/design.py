@@ -68,6 +68,11 @@ class Design:
         return self.plant.A - self.L @ self.plant.C
 
 
+def output_weight(design: Design) -> Array:
+    """Q_t = ĈᵀĈ: the event error is measured at the outputs."""
+    return design.plant.C.T @ design.plant.C
+
+
 @limit_to_one_thread()
 def design_lq(
     plant: LinearPlant,

@@ -1,22 +1,9 @@
 """Triggers, which decide when the controller takes new feedback: event rules, clocks, and continuous control.
 
-Every event rule says that an event is due when the hold error e_hp = x_h − x_o leaves a region about zero whose
-boundary consists of *faces* |R_j e| = 1. So the event function is
-
-    E(e) = unit · max_j E_j,      E_j(e) = |R_j e|² − 1
-
-The paper's rule (eq. ED_e) is one face with RᵀR = Q_t/q_t² and unit q_t². Where several faces meet, E has a kink: what
-needs derivatives asks for the active face, the one whose E_j is largest. All faces are even in e, because the loop is
-odd: the mirror image of a motion is a motion.
-
-The paper's event rule: a quadratic form of the hold error against a threshold (eqs. ED_e, ed_e).
-
-The box rule: an event when any single component of the hold error passes its own threshold.
-
-An event rule from user code as a log stores it: its numbers and its origin.
-
-Each rule is a class here: a frozen dataclass that inherits from :class:`EventRule` and defines its faces. A rule with
-memory is no trigger, but a law whose realisation has modes (:class:`icmj.controller.realisation.Realisation`).
+An event is due when the hold error e_hp = x_h − x_o leaves a region about zero whose boundary consists of *faces*
+|R_j e| = 1, so that the event function is E(e) = unit · max_j E_j, E_j(e) = |R_j e|² − 1. Where faces meet, E has a
+kink: what needs derivatives asks for the active face, the one whose E_j is largest. All faces are even in e, because
+the loop is odd. Each event rule is a file of :mod:`icmj.controller.rules`.
 """
 
 from __future__ import annotations
@@ -28,17 +15,22 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from icmj.base.array import SEMIDEFINITE, Array, balanced_modes, real
+from icmj.base.array import Array
+from icmj.base.catalogue import find_moved
 from icmj.errors import AnalysisError
 from icmj.work.own_code import Fact, digest_of, plain, reference_of
 
 if TYPE_CHECKING:
     from icmj.controller.design import Design
 
-_NO_WEIGHT = 8 * np.finfo(float).eps  # times the states: an eigenvalue of a balanced weight that is rounding
 Kind = Literal["event", "clock", "continuous", "switching"]
+_MOVED = {
+    "EventTrigger": "icmj.controller.rules.quadratic",
+    "BoxTrigger": "icmj.controller.rules.box",
+    "as_weight": "icmj.controller.rules.quadratic",
+    "output_weight": "icmj.controller.design",
+}  # where to
 
 
 class Trigger(ABC):
@@ -240,131 +232,6 @@ def no_faces(n_hat: int) -> Faces:
 
 
 @dataclass(frozen=True, eq=False)
-class EventTrigger(EventRule):
-    """The rule of an event when E = e_hpᵀ Q_t e_hp − q_t² reaches zero, with e_hp = x_h − x_o (eqs. ED_e, ed_e).
-
-    Attributes:
-        Q_t: positive semidefinite weight, shape (n̂, n̂).
-        q_t: threshold [unit of the weighted state].
-        delta_min: shortest open-loop interval Δ_min [s] (eq. PRP); no event occurs earlier than this after the
-            previous one.
-
-    Raises:
-        AnalysisError: if Q_t is not positive semidefinite or is zero, q_t not positive, or Δ_min negative.
-    """
-
-    Q_t: Array
-    q_t: float
-    delta_min: float = 1e-3
-
-    def __post_init__(self) -> None:
-        Q = real(self.Q_t, "Q_t", AnalysisError)
-        if Q.ndim != 2 or Q.shape[0] != Q.shape[1] or not np.isfinite(Q).all():
-            raise AnalysisError(f"Q_t must be a finite square matrix, got shape {Q.shape}")
-        Q = (Q + Q.T) / 2
-        if balanced_modes(Q)[1][0] < -SEMIDEFINITE:
-            raise AnalysisError("Q_t must be positive semidefinite; it has a negative eigenvalue")
-        if not np.any(Q):
-            raise AnalysisError("Q_t is zero: no hold error would ever be an event; weight at least one state")
-        if not (np.isfinite(self.q_t) and self.q_t > 0):
-            raise AnalysisError(f"threshold q_t must be positive, got {self.q_t}")
-        check_delta_min(self.delta_min)
-        object.__setattr__(self, "Q_t", Q)
-
-    @property
-    def size(self) -> float:
-        return self.q_t
-
-    def resized(self, size: float) -> EventTrigger:
-        return replace(self, q_t=size)
-
-    def faces(self, design: Design) -> Faces:
-        if self.Q_t.shape != (design.plant.n, design.plant.n):
-            raise AnalysisError(f"Q_t has shape {self.Q_t.shape}; the hold has {design.plant.n} states")
-        scales, values, vectors = balanced_modes(self.Q_t)
-        kept = values > _NO_WEIGHT * len(values) * values[-1]
-        root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T * scales
-        return Faces(root / self.q_t, np.array([0, len(root)]), self.q_t**2)
-
-    def facts(self) -> Mapping[str, Any]:
-        return {"q_t": self.q_t, "Q_t": self.Q_t, "delta_min": self.delta_min}
-
-
-def output_weight(design: Design) -> Array:
-    """Q_t = ĈᵀĈ: the event error is measured at the outputs."""
-    return design.plant.C.T @ design.plant.C
-
-
-def as_weight(weight: str | ArrayLike, design: Design) -> Array:
-    """Q_t from ``"output"`` (ĈᵀĈ), ``"identity"``, diagonal entries or a matrix.
-
-    Raises:
-        AnalysisError: if it does not fit the n̂ states.
-    """
-    n_hat = design.plant.n
-    if isinstance(weight, str):
-        if weight == "output":
-            return output_weight(design)
-        if weight == "identity":
-            return np.eye(n_hat)
-        raise AnalysisError(f"Q_t is {weight!r}; expected 'output', 'identity', diagonal entries or a matrix")
-    Q = real(weight, "Q_t", AnalysisError)
-    if Q.shape not in ((n_hat,), (n_hat, n_hat)):
-        raise AnalysisError(f"Q_t has shape {Q.shape}; the assumed plant has {n_hat} states")
-    if Q.ndim == 2 and np.abs(Q - Q.T).max() > 1e-9 * np.abs(Q).max():
-        raise AnalysisError("Q_t is not symmetric; write each entry off the diagonal twice")
-    return np.diag(Q) if Q.ndim == 1 else Q
-
-
-@dataclass(frozen=True, eq=False)
-class BoxTrigger(EventRule):
-    """The rule of an event when |e_i| > threshold_i for any i, for output errors e = Ĉe_hp or state errors e = e_hp.
-
-    E = max_i (e_i²/threshold_i²) − 1, without a unit. Every component is a face of its own. This rule is therefore
-    suitable if outputs have different units or different precision.
-
-    Attributes:
-        threshold: one for each output or state [its unit], shape (n_y,) or (n̂,); or one number for all.
-        on: ``output`` or ``state``.
-        delta_min: shortest open-loop interval Δ_min [s]; no event occurs earlier than this after the previous one.
-
-    Raises:
-        AnalysisError: on construction, if a threshold is not positive or Δ_min negative.
-    """
-
-    threshold: Array
-    on: Literal["output", "state"] = "output"
-    delta_min: float = 1e-3
-
-    def __post_init__(self) -> None:
-        threshold = np.array(self.threshold, dtype=float)
-        if threshold.ndim > 1 or not threshold.size or not (np.isfinite(threshold).all() and (threshold > 0).all()):
-            raise AnalysisError(f"box thresholds must be positive, one for each {self.on}; got {threshold.tolist()}")
-        if self.on not in ("output", "state"):
-            raise AnalysisError(f"a box is on the 'output' or the 'state' errors, not on {self.on!r}")
-        check_delta_min(self.delta_min)
-        object.__setattr__(self, "threshold", threshold)
-
-    @property
-    def size(self) -> float:
-        """The largest threshold."""
-        return float(self.threshold.max())
-
-    def resized(self, size: float) -> BoxTrigger:
-        return replace(self, threshold=self.threshold * (size / self.size))
-
-    def faces(self, design: Design) -> Faces:
-        rows = design.plant.C if self.on == "output" else np.eye(design.plant.n)
-        if self.threshold.ndim and len(self.threshold) != len(rows):
-            raise AnalysisError(f"the box has {len(self.threshold)} thresholds for {len(rows)} {self.on}s")
-        R = rows / np.broadcast_to(self.threshold, (len(rows),))[:, None]
-        return Faces(R, np.arange(len(R) + 1))
-
-    def facts(self) -> Mapping[str, Any]:
-        return {"threshold": self.threshold, "on": self.on, "delta_min": self.delta_min}
-
-
-@dataclass(frozen=True, eq=False)
 class RecordedRule(EventRule):
     """The faces of a rule, without its code.
 
@@ -423,22 +290,6 @@ def record_trigger(rule: Trigger, design: Design) -> Trigger:
     )
 
 
-TRIGGERS: tuple[type[Trigger], ...] = (EventTrigger, BoxTrigger, ClockTrigger, Continuous, RecordedRule)
-"""Every kind of trigger, as logs and command line know them."""
-
-
-__all__ = [
-    "TRIGGERS",
-    "BoxTrigger",
-    "ClockTrigger",
-    "Continuous",
-    "EventRule",
-    "EventTrigger",
-    "Faces",
-    "RecordedRule",
-    "Trigger",
-    "as_weight",
-    "expect_rule",
-    "output_weight",
-    "record_trigger",
-]
+def __getattr__(name: str) -> object:
+    """A rule by its former place, with a warning; each is on the shelf :mod:`icmj.controller.rules`, and in icmj."""
+    return find_moved(__name__, name, _MOVED)

@@ -36,8 +36,9 @@ from icmj.controller.controller import Controller, RecordedLaw, has_trigger, rec
 from icmj.controller.delayed import Channel, DelayedPID, PredictorController, SwitchingChannels, SwitchingPD
 from icmj.controller.design import Delay, Design, Hold
 from icmj.controller.realisation import Guard, Layout, Mode, Rates, Realisation
+from icmj.controller.rules import RULES
 from icmj.controller.setpoint import Setpoint
-from icmj.controller.trigger import TRIGGERS, record_trigger
+from icmj.controller.trigger import ClockTrigger, Continuous, RecordedRule, record_trigger
 from icmj.errors import AnalysisError, IcmjError, LogError
 from icmj.measurement.measurement import Measurement
 from icmj.measurement.statistics import Estimate, Spectrum, Statistics
@@ -377,7 +378,8 @@ def _require(good: bool, where: str, otherwise: str) -> None:
 
 
 _DATA: tuple[type, ...] = (
-    *(LinearPlant, Push, Design, Hold, Delay, Setpoint, Controller, *TRIGGERS),
+    *(LinearPlant, Push, Design, Hold, Delay, Setpoint, Controller),
+    *(*RULES.collect("RULE"), ClockTrigger, Continuous, RecordedRule),
     *(Crossing, NeutralMode, OrbitFamily, Orbit, PredictedOrbit, Prediction),
     *(Events, Labels, Outcome, Pressure, Simulation, Measurement),
     *(Estimate, Spectrum, Statistics),

@@ -25,8 +25,7 @@ from icmj.base import numbers
 from icmj.base.array import Array, between
 from icmj.case.comparison import Comparison, compare, on_predicted_cycle
 from icmj.case.result import Result, has_prediction, quantities
-from icmj.controller.design import Design
-from icmj.controller.trigger import output_weight
+from icmj.controller.design import Design, output_weight
 from icmj.errors import ReportError
 from icmj.measurement.measurement import Measurement
 from icmj.plant.linear_plant import LinearPlant

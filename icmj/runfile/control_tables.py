@@ -7,37 +7,38 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal
+from inspect import signature
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from icmj.base.array import MOST_ENTRIES, Finite, NonNegative, Positive, real
+from icmj.base.array import MOST_ENTRIES, Finite, Matrix, NonNegative, Numbers, Positive, Positives, Weight, real
 from icmj.controller.controller import Controller, Law, expect_law
 from icmj.controller.delayed import Channel, DelayedPID, PredictorController, SwitchingChannels, SwitchingPD, slope_of
 from icmj.controller.design import HOLDS, Delay, Design, Hold
+from icmj.controller.rules import RULES
 from icmj.controller.setpoint import (
     Setpoint,
 )
-from icmj.controller.trigger import BoxTrigger, EventRule, EventTrigger, as_weight, expect_own_rule
+from icmj.controller.trigger import EventRule, expect_own_rule
 from icmj.errors import AnalysisError, RunFileError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.quality import Kind
 from icmj.runfile.table import (
     Interval,
-    Matrix,
-    Numbers,
     Parameters,
-    Positives,
     Reference,
     TomlTable,
-    Weight,
     keys_of,
     make,
 )
 from icmj.work.own_code import Code, guard, pick_accepted
 
-_RULES = ("quadratic", "box")
+if TYPE_CHECKING:
+    RuleName = str
+else:
+    RuleName = Literal[RULES.names]
 
 
 class Weights(TomlTable):
@@ -107,11 +108,8 @@ class ControllerTable(TomlTable):
         return self.model_dump()
 
 
-class Control(ControllerTable):
-    """Hold and event rule: ``quadratic`` with Q_t and q_t, or ``box`` with a threshold for each output or state.
-
-    ``delta_min`` is Δ_min, the shortest time between two events [s], which psychologists call the refractory period.
-    """
+class HoldAndRule(ControllerTable):
+    """Which hold and which event rule an intermittent controller has."""
 
     kind: Literal["intermittent"] = "intermittent"
     """Kind of controller: this one, ``"predictor"``, ``"switching"``, ``"delayed-pid"``, or your own, by its
@@ -122,20 +120,30 @@ class Control(ControllerTable):
     design."""
     A_h: Matrix | None = None
     """Matrix of the hold ``own``, ẋ_h = A_h x_h, row by row."""
-    rule: Literal["quadratic", "box"] | Reference = "quadratic"
+    rule: RuleName | Reference = RULES.names[0]
     """Event rule; or the ``module:name`` of a class of event rules."""
     parameters: Parameters = {}
     """Parameters by name of a rule given as ``module:name``."""
     hold_parameters: Parameters = {}
     """Parameters by name of a hold given as ``module:name``."""
-    Q_t: Weight = "output"
-    """Weight of the hold error in the quadratic rule, in the same forms as ``design.Q_c``."""
-    q_t: Positive | None = None
-    """Threshold of the quadratic rule, required for it: an event occurs when √(eᵀQ_te) = q_t [unit of the outputs]."""
-    on: Literal["output", "state"] = "output"
-    """Whether the box rule compares outputs or states."""
-    threshold: Positive | Positives | None = None
-    """Threshold of the box rule, required for it: one for all, or a list with one for each [unit of each]."""
+
+
+RULE_KEYS = {name: tuple(signature(RULES[name].from_keys).parameters)[1:-1] for name in RULES.names}
+"""The keys of each event rule: what it is made of, but for the design and Δ_min."""
+if TYPE_CHECKING:
+    Ruled = HoldAndRule
+else:
+    Ruled = HoldAndRule
+    for _rule in RULES:
+        Ruled = keys_of(_rule.from_keys, without=("design", "delta_min"))(Ruled)
+
+
+class Control(Ruled):
+    """Hold and event rule: ``quadratic`` with Q_t and q_t, or ``box`` with a threshold for each output or state.
+
+    ``delta_min`` is Δ_min, the shortest time between two events [s], which psychologists call the refractory period.
+    """
+
     delta_min: NonNegative = 1e-3
     """Shortest interval between two events [s]: the refractory period."""
     sampling_delay: NonNegative = 0.0
@@ -163,16 +171,18 @@ class Control(ControllerTable):
             AnalysisError: if it does not fit the design, or user code does not return a rule. RunFileError: if user
                 code may not be executed, or fails.
         """
-        if self.rule not in _RULES:
+        if ":" in self.rule:
             given = pick_accepted(code.find(self.rule), {"delta_min": self.delta_min})
             rule = code.make(self.rule, **{**given, **self.parameters})
             with guard(self.rule):
                 return expect_own_rule(rule, design)
-        if self.rule == "box":
-            assert self.threshold is not None
-            return BoxTrigger(np.array(self.threshold), self.on, self.delta_min)
-        assert self.q_t is not None
-        return EventTrigger(as_weight(self.Q_t, design), self.q_t, self.delta_min)
+        keys = {name: getattr(self, name) for name in RULE_KEYS[self.rule]}
+        made: EventRule = RULES[self.rule].from_keys(design, **keys, delta_min=self.delta_min)
+        return made
+
+    def at_threshold_of(self, other: Control) -> Control:
+        """The same with the threshold of another, on which the theory does not depend, where it is one number."""
+        return self.model_copy(update={"q_t": other.q_t}) if hasattr(other, "q_t") else self
 
     def make_hold(self, design: Design, code: Code) -> Hold:
         """The hold for a controller of this design; ``code`` creates a user-defined hold.
@@ -201,17 +211,19 @@ class Control(ControllerTable):
 
     @model_validator(mode="after")
     def _keys_are_those_of_the_rule(self) -> Control:
-        if self.rule not in _RULES:
-            theirs = [name for name in ("Q_t", "q_t", "on", "threshold") if name in self.model_fields_set]
+        known = [name for names in RULE_KEYS.values() for name in names]
+        if ":" in self.rule:
+            theirs = [name for name in known if name in self.model_fields_set]
             if theirs:
                 raise ValueError(f"a rule given as module:name has no key {theirs[0]}; put its numbers into parameters")
             return self
         if self.parameters:
             raise ValueError(f"the {self.rule} rule has no parameters; only a rule given as module:name has parameters")
-        needed, others = ("threshold", ("Q_t", "q_t")) if self.rule == "box" else ("q_t", ("on", "threshold"))
-        if getattr(self, needed) is None:
-            raise ValueError(f"the {self.rule} rule needs {needed}")
-        foreign = [name for name in others if name in self.model_fields_set]
+        own = RULE_KEYS[self.rule]
+        for needed in own:
+            if getattr(self, needed) is None:
+                raise ValueError(f"the {self.rule} rule needs {needed}")
+        foreign = [name for name in known if name not in own and name in self.model_fields_set]
         if foreign:
             raise ValueError(f"the {self.rule} rule has no {foreign[0]}")
         return self

@@ -11,12 +11,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from icmj.base.array import MOST_ENTRIES, Finite, NonNegative, Positive
+from icmj.base.array import MOST_ENTRIES, Finite, NonNegative, Positive, Positives
 from icmj.controller.setpoint import TERNARY_INTERVALS, double_steps
 from icmj.errors import RunFileError
 from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
-from icmj.runfile.table import LISTED, Interval, Line, Name, Positives, TomlTable, keys_of
+from icmj.runfile.table import LISTED, Interval, Line, Name, TomlTable, keys_of
 from icmj.work.own_code import EXPERIMENTS
 
 _Rate = Annotated[Positive, Field(ge=1.0, le=1e5)]

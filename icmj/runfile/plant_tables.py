@@ -9,9 +9,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from icmj.base.array import Finite, NonNegative
+from icmj.base.array import Finite, Matrix, NonNegative, Numbers
 from icmj.plant.body import Activation, Change, OperatingKind, OperatingRule, Person, Segment, Selection
-from icmj.runfile.table import CHOICE, Matrix, Numbers, Parameters, Reference, TomlTable, check_by, keys_of, make
+from icmj.runfile.table import CHOICE, Parameters, Reference, TomlTable, check_by, keys_of, make
 
 LETTERS = ("A", "B", "C")
 

@@ -18,6 +18,7 @@ from pydantic import PrivateAttr, ValidationError
 from icmj.base.files import read_bytes
 from icmj.base.text import one_line
 from icmj.controller.controller import Controller
+from icmj.controller.rules import name_of
 from icmj.errors import AnalysisError, RunFileError, expect
 from icmj.plant.linear_plant import LinearPlant, expect_linear
 from icmj.runfile.schema import RunFile, plain, to_toml
@@ -183,7 +184,7 @@ def compose_run(
         "assumed": _plant(design.plant) | ({"delay": delay.predicted} if delay else {}),
         "actual": _plant(actual) | ({"delay": delay.t_d} if delay else {}),
         "design": {"k": design.k, "L": design.L},
-        "controller": {"hold": "own", "A_h": controller.hold.A_h, "rule": "box" if "threshold" in rule else "quadratic"}
+        "controller": {"hold": "own", "A_h": controller.hold.A_h, "rule": name_of(controller.trigger)}
         | rule
         | ({"sampling_delay": controller.sampling_delay} if controller.sampling_delay else {}),
         "simulation": _settings(settings or Settings()),

@@ -502,8 +502,10 @@ def _describe(record: dict[str, Any], model: type[BaseModel]) -> None:
 
 def docstrings(model: type[BaseModel]) -> dict[str, str]:
     """The meaning of the keys of a table, by key: the docstrings under them, or those of its setting."""
-    setting = getattr(model, "setting", None)
-    found = read_meanings(setting) if setting else {}
+    found = dict[str, str]()
+    for cls in reversed(model.__mro__):
+        if (setting := vars(cls).get("setting")) is not None:
+            found |= read_meanings(setting)
     for cls in reversed(model.__mro__):
         if not cls.__module__.startswith("icmj.") or "setting" in vars(cls):
             continue  # what keys_of made has no source of its own: it stands in its base

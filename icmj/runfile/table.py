@@ -34,7 +34,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from icmj.base.array import LARGEST, MOST_ENTRIES, Finite, Positive
+from icmj.base.array import LARGEST, Finite, Matrix, Numbers
 from icmj.base.text import did_you_mean, nearest
 from icmj.errors import IcmjError
 from icmj.work.own_code import REFERENCE
@@ -303,10 +303,6 @@ def one_of(tables: Sequence[type[TomlTable]]) -> Any:
     return Annotated[Union[members], Discriminator(kind_of)]  # noqa: UP007
 
 
-Numbers = Annotated[list[Finite], Field(min_length=1, max_length=MOST_ENTRIES)]
-Positives = Annotated[list[Positive], Field(min_length=1, max_length=MOST_ENTRIES)]
-Matrix = Annotated[list[Numbers], Field(min_length=1, max_length=MOST_ENTRIES)]
-Weight = Literal["output", "identity"] | Numbers | Matrix
 Interval = Annotated[float, Field(ge=1e-6, le=1e4, allow_inf_nan=False)]
 Reference = Annotated[str, Field(pattern=REFERENCE, max_length=200)]
 Whole = Annotated[int, Field(ge=-int(LARGEST), le=int(LARGEST))]

@@ -300,7 +300,7 @@ def _case(plan: Plan, run: RunFile, last: LastCase) -> Case:
     So it has the same bits whichever points were computed before it.
     """
     base = plan.file.base.intermittent
-    return last.get(run, base.q_t if run.intermittent.rule == base.rule == "quadratic" else None)
+    return last.get(run, getattr(base, "q_t", None) if run.intermittent.rule == base.rule else None)
 
 
 def _motion(case: Case, theory: Theory, plant: PlantKind) -> dict[str, Any]:

@@ -10,7 +10,9 @@ from report_cases import actual_plant, design_of
 
 import icmj
 from icmj import Controller, Delay, Settings, Step, error_system, system_matched
-from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
+from icmj.controller.design import output_weight
+from icmj.controller.rules.quadratic import EventTrigger
+from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.errors import AnalysisError
 
 X0 = [0.02, 0.0]

@@ -11,7 +11,8 @@ import pytest
 from icmj import Sinusoids, load_run, prepare, run_case, simulate, write_log
 from icmj.case.case import expect_known
 from icmj.cli.main import main
-from icmj.controller.trigger import EventTrigger, RecordedRule
+from icmj.controller.rules.quadratic import EventTrigger
+from icmj.controller.trigger import RecordedRule
 from icmj.errors import AnalysisError, ModelError, RunFileError
 from icmj.log.reader import read_log, read_summary
 from icmj.work.own_code import RUNS, Code, digest_of, reference_of

@@ -8,7 +8,8 @@ import pytest
 from scipy.linalg import expm
 
 from icmj import Controller, Delay, Design, Hold, LinearPlant, design_lq, error_system, system_matched, zero_order
-from icmj.controller.trigger import ClockTrigger, EventTrigger, as_weight
+from icmj.controller.rules.quadratic import EventTrigger, as_weight
+from icmj.controller.trigger import ClockTrigger
 from icmj.errors import AnalysisError, DesignError
 
 DESIGN = design_lq(LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]]), R_c=0.1, R_o=0.01)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from icmj import Design, LinearPlant, design_lq, load_run, prepare, simulate
-from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, Faces
+from icmj.controller.rules.quadratic import EventTrigger
+from icmj.controller.trigger import ClockTrigger, Continuous, Faces
 from icmj.errors import AnalysisError, DesignError
 
 

@@ -11,8 +11,9 @@ from model_cases import MOTOR, RICH, pendulum, written
 from oracles.engine import course, equations, flight
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, design_lq, system_matched
-from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, Trigger, output_weight
+from icmj.controller.design import Delay, design_lq, output_weight, system_matched
+from icmj.controller.rules.quadratic import EventTrigger
+from icmj.controller.trigger import ClockTrigger, Continuous, Trigger
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.open_loop import open_loop, schedule_of
 from icmj.engine.plant import MujocoPlant, load_plant

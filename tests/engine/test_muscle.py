@@ -12,8 +12,9 @@ from tapped_cases import DAMPING, INERTIA, MGH, PERSON, STIFFNESS
 
 import icmj
 from icmj.controller.delayed import SwitchingPD
-from icmj.controller.design import design_lq, system_matched
-from icmj.controller.trigger import Continuous, EventTrigger, output_weight
+from icmj.controller.design import design_lq, output_weight, system_matched
+from icmj.controller.rules.quadratic import EventTrigger
+from icmj.controller.trigger import Continuous
 from icmj.engine.open_loop import open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.run import simulate

@@ -7,9 +7,9 @@ from tapped_cases import person
 import icmj
 from icmj.controller.controller import Controller
 from icmj.controller.delayed import PredictorController
-from icmj.controller.design import Delay, design_lq, system_matched
+from icmj.controller.design import Delay, design_lq, output_weight, system_matched
+from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import Target, setpoint, step
-from icmj.controller.trigger import EventTrigger, output_weight
 from icmj.engine.run import simulate
 from icmj.simulation.settings import Settings
 

@@ -10,9 +10,10 @@ from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
 from icmj.controller.delayed import PredictorController
-from icmj.controller.design import Delay, system_matched
+from icmj.controller.design import Delay, output_weight, system_matched
+from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
-from icmj.controller.trigger import ClockTrigger, EventTrigger, output_weight
+from icmj.controller.trigger import ClockTrigger
 from icmj.linear.run import simulate
 from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
 from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step

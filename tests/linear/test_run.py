@@ -22,7 +22,8 @@ from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
 from icmj.controller.design import Design, design_lq, system_matched
-from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, as_weight
+from icmj.controller.rules.quadratic import EventTrigger, as_weight
+from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.errors import SimulationError
 from icmj.linear.loop import linear_loop
 from icmj.linear.run import simulate

@@ -9,9 +9,11 @@ from oracles.setpoint import follow
 from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, Hold, design_lq, system_matched, zero_order
+from icmj.controller.design import Delay, Hold, design_lq, output_weight, system_matched, zero_order
+from icmj.controller.rules.box import BoxTrigger
+from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
-from icmj.controller.trigger import BoxTrigger, ClockTrigger, Continuous, EventTrigger, output_weight
+from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.linear.run import simulate
 from icmj.linear.simulator import open_loop
 from icmj.plant.linear_plant import LinearPlant

@@ -8,7 +8,7 @@ from linear_cases import PLANT, event_controller, ivp_run, pendulum_design, rand
 from scipy.linalg import expm
 
 from icmj import ClockTrigger, Controller, Delay, EventTrigger, Gaussian, Noise, Step, system_matched
-from icmj.controller.trigger import as_weight
+from icmj.controller.rules.quadratic import as_weight
 from icmj.linear.run import simulate
 from icmj.simulation.disturbance import disturbance_of
 from icmj.simulation.settings import at_times, lines

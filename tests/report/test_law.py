@@ -7,7 +7,8 @@ import pytest
 from report_cases import result
 
 from icmj.case.result import AmplitudeLaw, threshold_unit
-from icmj.controller.trigger import BoxTrigger, EventTrigger
+from icmj.controller.rules.box import BoxTrigger
+from icmj.controller.rules.quadratic import EventTrigger
 from icmj.report import style
 from icmj.report.figures import law_figure
 

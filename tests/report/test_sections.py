@@ -12,7 +12,8 @@ from report_cases import CASES, PENDULUM, design_of, everything, result, run_tex
 import icmj
 from icmj import LinearPlant, Settings, SwitchingPD, parse_run
 from icmj.case.result import Attractor, Result
-from icmj.controller.trigger import EventRule, EventTrigger, Faces
+from icmj.controller.rules.quadratic import EventTrigger
+from icmj.controller.trigger import EventRule, Faces
 from icmj.report import sections, style
 from icmj.report.builder import render_page
 from icmj.report.experiment import Row, experiment_page

@@ -9,10 +9,11 @@ from report_cases import design_of, result
 from icmj.case.case import prepare, simulate_plant
 from icmj.case.case import simulate as simulate_case
 from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, system_matched
+from icmj.controller.design import Delay, output_weight, system_matched
+from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import Target, step
 from icmj.controller.setpoint import setpoint as setpoint_of
-from icmj.controller.trigger import ClockTrigger, Continuous, EventTrigger, output_weight
+from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.errors import DataError
 from icmj.linear.run import simulate
 from icmj.runfile.reading import load_run, parse_run

@@ -8,7 +8,7 @@ from scipy.optimize import brentq, minimize_scalar
 from theory_cases import SHIPPED, random_systems, shipped
 
 from icmj.base.array import maxima
-from icmj.controller.trigger import EventTrigger
+from icmj.controller.rules.quadratic import EventTrigger
 from icmj.errors import AnalysisError
 from icmj.theory.crossings import search
 from icmj.theory.orbit import orbit

@@ -7,11 +7,11 @@ from typing import Literal
 import numpy as np
 from pydantic import model_validator
 
-from icmj.base.array import Array, Finite, Seed
+from icmj.base.array import Array, Finite, Numbers, Positives, Seed
 from icmj.controller.setpoint import sines
 from icmj.errors import SimulationError
 from icmj.runfile.place import PlaceTable
-from icmj.runfile.table import Numbers, Positives, TomlTable, keys_of
+from icmj.runfile.table import TomlTable, keys_of
 from icmj.runfile.target import TargetTable
 from icmj.simulation.settings import Sinusoids, Source
 
