@@ -364,6 +364,7 @@ def _measure(path: Path, command: arguments.MeasureCommand) -> tuple[Sway, tuple
 def _signals(path: Path, command: arguments.MeasureCommand) -> tuple[Series, tuple[str, ...]]:
     """The series to be measured, from a log or a file, evenly sampled for a log or with a rate; and notes."""
     from icmj.errors import DataError
+    from icmj.series.plausibility import doubt
     from icmj.series.reading import cut_rows, read_series
     from icmj.series.series import even_series
 
@@ -383,6 +384,7 @@ def _signals(path: Path, command: arguments.MeasureCommand) -> tuple[Series, tup
         series = series.chosen(columns or moving or [name for name in series.names if name.startswith("y.")])
         return replace(series, facts={k: v for k, v in series.facts.items() if k != "resampled"}), notes
     series = read_series(path, columns=columns, rate=command.rate, since=command.since, until=command.until)
+    series = doubt(series)
     return (series if command.rate is None else even_series(series, command.rate)), ()
 
 
@@ -502,6 +504,7 @@ def people_of(command: FitCommand, progress: Callable[[str, float], None] = lamb
         rows, base = _rows(command.table), command.table.parent
     listed: set[tuple[str, ...]] = set()
     found: dict[tuple[str, ...], list[tuple[str, TrialOf]]] = {}
+    same: dict[tuple[tuple[str, ...], bytes], str] = {}
     count = 0
     for i, row in enumerate(rows):
         columns = (row["column"],) if row.get("column") else command.columns
@@ -515,6 +518,9 @@ def people_of(command: FitCommand, progress: Callable[[str, float], None] = lamb
         count += len(trials)
         if count > MOST:
             raise FitError(f"{base / row['file']}: the recordings hold more than {MOST} trials; fit them in parts")
+        for one in trials:
+            if (other := same.setdefault((key, one.cop.tobytes()), row["file"])) != row["file"]:
+                raise FitError(f"{base / row['file']}: holds the same values as {other}; a copy is no further trial")
         found.setdefault(key, []).extend((row["file"], one) for one in trials)
         progress("reading recordings", (i + 1) / len(rows))
     return [

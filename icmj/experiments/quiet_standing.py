@@ -107,7 +107,7 @@ class Standing:
     Attributes:
         names, units: names and units of the signals.
         measures: measures of each trial by ``<signal>.<measure>``, named as in :func:`icmj.simulate_many`, each of
-            shape (K,).
+            shape (K,); NaN of a trial that is too short for it.
         positions: every signal in units of its standard deviation, shape (N, w) for all trials together.
         unimodal: test for one mode of each signal in each trial, K tuples of w tests.
         intervals: open-loop intervals of all trials [s]; empty without events.
@@ -129,7 +129,7 @@ class Standing:
 
     @property
     def numbers(self) -> Mapping[str, float]:
-        found = {name: float(values.mean()) for name, values in self._named().items()}
+        found = {name: float(_known(values).mean()) for name, values in self._named().items()}
         shares = zip(self.names, self.several, strict=True)
         found |= {f"{name}, share of trials of several modes": float(share) for name, share in shares}
         if len(self.intervals) > 1:
@@ -143,7 +143,8 @@ class Standing:
     def deviations(self) -> Mapping[str, float]:
         if len(self.unimodal) < 2:
             return {}
-        return {name: float(values.std(ddof=1)) for name, values in self._named().items()}
+        known = {name: _known(values) for name, values in self._named().items()}
+        return {name: float(values.std(ddof=1)) if len(values) > 1 else np.nan for name, values in known.items()}
 
     @property
     def curves(self) -> Mapping[str, Array]:
@@ -166,6 +167,11 @@ class Standing:
             if self.interval_modes is not None:
                 modes = f", and have {'several modes' if self.interval_modes.p <= SURE else 'one mode'}"
             said.append(f"intervals last {self.intervals.mean():.3g} s on average{modes}")
+        missing = np.array([~np.isfinite(values) for values in self.measures.values()])
+        some = missing.any(axis=1) & ~missing.all(axis=1)
+        if some.any():
+            short = int(missing[some].any(axis=0).sum())
+            said.append(f"some measures are of fewer trials, as {short} of {count} are too short for them")
         return f"{'; '.join(said)}."
 
     def _named(self) -> dict[str, Array]:
@@ -176,6 +182,12 @@ class Standing:
                 mark = f" ({measure.unit_of(unit)})" if measure.unit else ""
                 found[f"{name}, {measure.words}{mark}"] = self.measures[f"{name}.{measure.key}"]
         return found
+
+
+def _known(values: Array) -> Array:
+    """The values of the trials that have one; one that is NaN where none has."""
+    known = values[np.isfinite(values)]
+    return known if len(known) else values[:1]
 
 
 def quiet_standing(recordings: Sequence[Recording], *, low_pass: float | None = None, resamples: int = 99) -> Standing:

@@ -190,7 +190,7 @@ def read_trials(
 
 
 def trials_of(series: Series, column: str, *, unit: str | None = None) -> tuple[TrialOf, ...]:
-    """The trials in one column of a series; more than 90 s are cut into pieces of 60 s.
+    """The trials in one column of a series; more than 90 s are cut into pieces of 60 s, without what is left over.
 
     Raises:
         FitError: as :func:`icmj.fitting.read_trials`.
@@ -211,18 +211,19 @@ def trials_of(series: Series, column: str, *, unit: str | None = None) -> tuple[
     if own < _SLOWEST * (1 - EVEN):
         raise FitError(f"{name}: {own:.3g} rows a second; expected at least {_SLOWEST:g}, better {RATE:g}")
     _see_it_stands(name, known, t, x, 1 / own)
-    notes = []
+    notes = [even.facts["load"]] if "load" in even.facts else []
     if abs(own - RATE) > EVEN * RATE:
         notes.append(f"resampled from {own:.4g} to {RATE:g} Hz")
         x = even_series(even, RATE).values[:, 0] * metre
     _refuse_short(name, len(x) / RATE)
-    pieces = max(1, int(len(x) / (DURATION * RATE) + 1e-9)) if len(x) > 1.5 * DURATION * RATE else 1
-    if pieces > 1:
-        size = round(DURATION * RATE)
-        notes.append(f"cut into {pieces} trials of {DURATION:g} s")
-        return tuple(
-            TrialOf(f"{name}, part {i + 1}", x[i * size : (i + 1) * size], tuple(notes)) for i in range(pieces)
-        )
+    if len(x) > 1.5 * DURATION * RATE:
+        size, pieces = round(DURATION * RATE), steps_in(len(x) / (DURATION * RATE))
+        left = (len(x) - pieces * size) / RATE
+        said = f"cut into {pieces} trials of {DURATION:g} s" if pieces > 1 else f"cut to its first {DURATION:g} s"
+        notes.append(said + (f", without the last {left:.4g} s" if left > 0 else ""))
+        parts = [x[i * size : (i + 1) * size] for i in range(pieces)]
+        names = [f"{name}, part {i + 1}" for i in range(pieces)] if pieces > 1 else [name]
+        return tuple(TrialOf(of, part, tuple(notes)) for of, part in zip(names, parts, strict=True))
     if abs(len(x) / RATE - DURATION) > 0.05 * DURATION:
         notes.append(
             f"{len(x) / RATE:.4g} s long, and simulated ones {DURATION:g} s: slow measures are not quite alike"

@@ -236,7 +236,12 @@ def _whole_rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
         if damage:
             raise ValueError(damage)
         with ignore_warnings():  # of a file without an end, which is an error here anyway
-            stream = RrdReader(path).store().stream().filter(content=content, is_static=True)
+            reader = RrdReader(path)
+            if (several := len(reader.recordings())) > 1:
+                raise LogError(
+                    f"{path}: {several} recordings in one file; a log has one, give the files they came from"
+                )
+            stream = reader.store().stream().filter(content=content, is_static=True)
         return [
             (
                 chunk.entity_path,
@@ -249,6 +254,8 @@ def _whole_rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
             for chunk in stream
             for batch in [_batch(chunk)]
         ]
+    except LogError:
+        raise
     except Exception as error:  # rerun's bindings raise what their Rust side fails with, of several types
         reason = one_line(error, 200)
         raise DamagedLog(

@@ -63,6 +63,9 @@ class Ellipse:
 def prediction_ellipse(points: Array, level: float = LEVEL) -> Ellipse:
     """The prediction ellipse of normally distributed points, with the exact factor for their number.
 
+    They are taken as independent: of a record that is not much longer than the memory of its motion, fewer further
+    points lie in it.
+
     The squared half axes are the eigenvalues of the covariance times 2(N+1)(N−1)/(N(N−2)) F(2, N−2) (Chew 1966,
     J Am Stat Assoc 61:605-617). The factor tends to the quantile of χ² with two degrees of freedom, which
     the code of Schubert & Kirchner (2014, Gait Posture 39:518-522) takes: 0.08 % less at N = 6000.
@@ -84,6 +87,9 @@ def prediction_ellipse(points: Array, level: float = LEVEL) -> Ellipse:
 
 def prediction_range(values: Array, level: float = LEVEL) -> float:
     """Width of the interval about the mean that holds a further value with probability ``level``: 2 t s √(1 + 1/N).
+
+    Values are taken as independent: of a record that is not much longer than the memory of its motion, fewer further
+    ones lie in it.
 
     Args:
         values: shape (N,), N > 1, normally distributed.

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
@@ -22,12 +22,14 @@ from icmj.base.files import open_file, whole
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.formats import HEAD, LINES, LONGEST_LINE, CsvShape, csv_shape, group_for, groups_of, header_of
+from icmj.series.plates import leave_out_unloaded, loads_of
 from icmj.series.series import COUNTER, SETTLED, Series, place, see_names_differ, step_of
 
 MOST_BYTES = 500_000_000
 MOST_NUMBERS = 12_000_000  # that are read, times among them; measuring them takes a gigabyte and a half
 MOST_COLUMNS = 2000
 TIMES = ("t", "time", "times", "timestamp", "seconds")
+TRIALS = ("trial", "trials", "repetition")  # columns that count what stands one below the other
 SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 
 MOST_LINE = 1_000_000  # bytes
@@ -56,7 +58,11 @@ def read_series(
     plates, points (``C7.x``), and analog channels by their labels; by default the first kind that it contains is read.
     Signals that are read together must have the same rate.
 
-    Only the requested columns are read; their size is checked before, from headers or the number of lines.
+    Where the vertical force of a plate is among the columns of a table (``Fz``, ``plate1.force.z``), a centre of
+    pressure is missing in rows in which it is below 20 N, as in a C3D file.
+
+    Only the requested columns are read, and such forces; their size is checked before, from headers or the number of
+    lines.
 
     Args:
         path: ``.parquet``, ``.npz``, ``.mot``, ``.sto``, ``.c3d``; any other file is read as CSV.
@@ -109,10 +115,11 @@ class _Choice:
     Attributes:
         at: their places in the file.
         names, units: of the signals.
-        counter: place of the number of events before each row of a run, read behind the signals if not among them;
-            ``None`` where there is none.
         second: what the times are in [s]; ``None`` where there are no times.
         step: between rows without times [s].
+        beside: names and units of what is read behind the signals: the number of events before each row of a run, and
+            vertical forces of plates.
+        loads: names of the vertical forces of each centre of pressure.
     """
 
     at: tuple[int, ...]
@@ -120,7 +127,8 @@ class _Choice:
     units: tuple[str, ...]
     second: float | None
     step: float
-    counter: int | None = None
+    beside: tuple[tuple[str, str], ...] = ()
+    loads: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, headers: Sequence[str], units: Sequence[str], columns: Sequence[str], rate: float | None) -> _Choice:
@@ -144,12 +152,18 @@ class _Choice:
             raise DataError("no column of numbers beside the times")
         known = [names[i] for i in kept]
         see_names_differ(known)
-        counter = next((i for i in kept if names[i] == COUNTER and not units[i]), None)
+        needed = [i for i in kept if names[i] == COUNTER and not units[i]]
+        loads = {kept[i]: [kept[at] for at in on] for i, on in loads_of(known, [units[i] for i in kept]).items()}
         if columns:
             kept = [kept[place(known, name)] for name in columns]
-        counter = None if counter in kept else counter
-        at = (*([] if clock is None else [clock]), *kept, *([] if counter is None else [counter]))
-        return cls(at, tuple(names[i] for i in kept), tuple(units[i] for i in kept), second, step, counter)
+        loads = {i: on for i, on in loads.items() if i in kept}
+        needed += [i for on in loads.values() for i in on]
+        needed += [i for i, name in enumerate(names) if clock is None and name.lower() in TRIALS]
+        beside = list(dict.fromkeys(i for i in needed if i not in kept))
+        at = (*([] if clock is None else [clock]), *kept, *beside)
+        told = [tuple(of[i] for i in kept) for of in (names, units)]
+        of_plates = {names[i]: tuple(names[each] for each in on) for i, on in loads.items()}
+        return cls(at, told[0], told[1], second, step, tuple((names[i], units[i]) for i in beside), of_plates)
 
     def room(self, rows: int) -> Array:
         """An array for this number of rows.
@@ -169,10 +183,14 @@ class _Choice:
         t = np.arange(len(data), dtype=float) * self.step
         if self.second is not None:
             t, data = data[:, 0] * self.second, data[:, 1:]
-        if self.counter is None:
-            return Series(t, data, self.names, self.units)
-        whole = Series(t, data, (*self.names, COUNTER), (*self.units, ""))
-        return whole.chosen(self.names)
+        names, units = zip(*zip(self.names, self.units, strict=True), *self.beside, strict=True)
+        for at in (i for i, name in enumerate(names) if self.second is None and name.lower() in TRIALS):
+            if len(data) and np.ptp(data[:, at]) > 0:
+                raise DataError(
+                    f"trials one below the other, which the column {names[at]!r} counts; save each in a file of its own"
+                )
+        whole = Series(t, data, names, units)
+        return leave_out_unloaded(whole, self.loads).chosen(self.names)
 
 
 def _read_opensim(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
@@ -284,7 +302,7 @@ def _read_parquet(path: Path, source: BinaryIO, columns: Sequence[str], rate: fl
     except (pa.ArrowException, OSError, IndexError) as error:
         raise DataError(f"not a Parquet file that can be read ({one_line(error, 160)})") from error
     series = choice.series(data[:count])
-    return replace(series, facts={SETTLED: ""}) if settled else series
+    return replace(series, facts={**series.facts, SETTLED: ""}) if settled else series
 
 
 def _read_npz(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:

@@ -51,7 +51,12 @@ DIMENSIONS = {
 STEADY = ("x", "y", "x_o")  # of these, those that bend where an input jumps, and do not jump
 COUNTER = "interval"  # of a run's signals, the number of events before each row
 SETTLED = "settled"  # the fact of a trial of an experiment that its beginning is left out already
-REMARKS = {"part": "", "resampled": "resampled by a "}  # facts that people are told, and the words before them
+REMARKS = {
+    "odd": "",
+    "load": "",
+    "part": "",
+    "resampled": "resampled by a ",
+}  # facts that people are told, and the words before them
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -384,9 +389,10 @@ def check_complete(series: Series, fewest: int = 2) -> None:
     for name, column in zip(series.names, series.values.T, strict=True):
         missing = np.flatnonzero(~np.isfinite(column))
         if len(missing):
+            why = f"; {series.facts['load']}" if "load" in series.facts else ""
             raise DataError(
                 f"{name}: {len(missing)} of {len(column)} values are missing or not finite, the first at "
-                f"{series.t[missing[0]]:.6g} s; fill them or measure a part without them"
+                f"{series.t[missing[0]]:.6g} s{why}; fill them or measure a part without them"
             )
         if (largest := np.abs(column).max()) > LARGEST:
             raise DataError(f"{name}: has a value of {largest:.2g}; expected at most {LARGEST:g}, whatever its unit")

@@ -28,6 +28,11 @@ _SHOWN = {"angle": ("rad", "deg"), "length": ("m", "cm", "mm"), "force": ("N", "
 _PRODUCT = str.maketrans("", "", " ·⋅*.×")
 
 
+def canonical(unit: str) -> str:
+    """A unit without blanks and signs of multiplication."""
+    return unit.translate(_PRODUCT)
+
+
 def factor_of(unit: str, quantity: str, name: str) -> float:
     """What one ``unit`` of a quantity is in SI; ``N·mm``, ``N mm`` and ``Nmm`` are one unit.
 
@@ -43,7 +48,7 @@ def factor_of(unit: str, quantity: str, name: str) -> float:
         >>> factor_of("N·mm", "torque", "ankle")
         0.001
     """
-    known = QUANTITIES[quantity].get(unit.translate(_PRODUCT))
+    known = QUANTITIES[quantity].get(canonical(unit))
     if known is None:
         said = f"is in {one_line(unit, 40)!r}" if unit else "has no unit"
         shown = _SHOWN[quantity]

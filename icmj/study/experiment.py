@@ -42,6 +42,7 @@ from icmj.report import style
 from icmj.report.experiment import Row, experiment_page
 from icmj.runfile.experiment_tables import CaseTable, ExperimentFile, load_experiment
 from icmj.runfile.schema import RunFile
+from icmj.series.plausibility import doubt
 from icmj.series.reading import FORMATS, read_series
 from icmj.series.series import SETTLED, Series
 from icmj.simulation.settings import reseeded
@@ -301,10 +302,13 @@ def analyse_recordings(
             or the analysis is not possible.
     """
     made = file if isinstance(file, ExperimentFile) else load_experiment(file)
-    kind, trials, notes = kind_of(made), [], list[str]()
+    kind, trials, notes, same = kind_of(made), list[Recording](), list[str](), dict[bytes, Path]()
     for path in map(Path, recordings):
         try:
-            trials.append(Recording(kind.read(read_series(path, rate=rate, since=since, until=until))))
+            trials.append(Recording(doubt(kind.read(read_series(path, rate=rate, since=since, until=until)))))
+            first = same.setdefault(trials[-1].series.values.tobytes(), path)
+            if len(same) < len(trials):
+                raise DataError(f"holds the same values as {first}; a copy is no further trial, leave it out")
             notes += [f"{path.name}: {remark}" for remark in trials[-1].series.remarks]
         except DataError as error:
             raise DataError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from error

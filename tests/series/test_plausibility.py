@@ -1,0 +1,137 @@
+"""What no standing person's recording is, is told; so are copies, and trials that stand one below the other."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+import icmj
+from icmj.errors import DataError, FitError, LogError
+from icmj.fitting import read_trials
+from icmj.log.reader import program
+from icmj.series.plausibility import doubt
+from icmj.series.series import Series
+
+STANDING = '[experiment]\nname = "s"\n[quiet_standing]\n[[case]]\nrun = "simple-0.8"\n'
+
+
+def sway(seconds=40, seed=1, size=4.0, unit="mm"):
+    draw = np.random.default_rng(seed)
+    x = np.cumsum(draw.standard_normal(100 * seconds))
+    x = size * (x - x.mean()) / x.std()
+    return Series(np.arange(len(x)) / 100, x[:, None], ("ap",), (unit,))
+
+
+def changed(series, rows, value):
+    values = series.values.copy()
+    values[rows] = value
+    return Series(series.t, values, series.names, series.units)
+
+
+def told(series):
+    return doubt(series).facts.get("odd", "")
+
+
+@pytest.mark.parametrize("sentinel", [-9999.0, 9999.0, -999.0, 99999.0])
+def test_a_sentinel_is_told(sentinel, tmp_path, shell):
+    """−9999 in some rows gave an RMS of 688 mm without a word."""
+    icmj.write_series(changed(sway(), slice(100, 120), sentinel), tmp_path / "s.csv")
+    (note,) = shell.answers(["measure", str(tmp_path / "s.csv"), "--json"])["notices"]
+    assert note == f"ap: {sentinel:g} in 20 of 4000 rows, far from all others, as where values are missing"
+
+
+def test_a_marker_that_is_lost_at_the_origin_is_told_and_a_sway_about_it_is_not():
+    marker = sway()
+    marker = Series(marker.t, marker.values + 900.0, marker.names, marker.units)
+    assert "ap: 0 in 50 of 4000 rows" in told(changed(marker, slice(700, 750), 0.0))
+    assert told(marker) == ""
+    assert told(changed(sway(), slice(700, 750), 0.0)) == ""  # a sway about 0 is there now and then
+
+
+@pytest.mark.parametrize(("unit", "size", "words"), [
+    ("mm", 4.0, ""), ("cm", 0.4, ""), ("m", 4.0, "a range of"), ("cm", 40.0, "a range of"), ("N m", 40.0, ""),
+    ("N m", 400.0, "a torque of"), ("N mm", 40e3, ""), ("N·mm", 400e3, "a torque of"), ("deg", 4000.0, ""),
+    ("", 1e4, ""),
+])  # fmt: skip
+def test_sway_and_torques_beyond_a_person_s_are_told_in_any_unit(unit, size, words):
+    said = told(sway(size=size, unit=unit))
+    assert (said == "") if not words else (words in said)
+
+
+def test_it_is_told_of_recordings_of_an_experiment_too(tmp_path):
+    (tmp_path / "s.toml").write_text(STANDING)
+    icmj.write_series(sway(size=0.4, unit="m"), tmp_path / "far.csv")
+    (note,) = icmj.analyse_recordings(tmp_path / "s.toml", [tmp_path / "far.csv"]).notes
+    assert note.startswith("far.csv: ap: a range of")
+
+
+def test_a_copy_is_no_further_trial(tmp_path, shell):
+    """The same file three times was "3 trials, ± 0"."""
+    (tmp_path / "s.toml").write_text(STANDING)
+    for name in ("a", "b"):
+        icmj.write_series(sway(seed=1), tmp_path / f"{name}.csv")
+    icmj.write_series(sway(seed=2), tmp_path / "c.csv")
+    a, b, c = (tmp_path / f"{name}.csv" for name in "abc")
+    for twice in ([a, a], [a, b], [a, c, b]):
+        with pytest.raises(DataError, match=f"holds the same values as {a}; a copy is no further trial"):
+            icmj.analyse_recordings(tmp_path / "s.toml", twice)
+    assert icmj.analyse_recordings(tmp_path / "s.toml", [a, c]).found[0].trials == 2
+    said = shell.refuses(["fit", str(a), str(b), "--model", "none.toml"])
+    assert f"{b}: holds the same values as {a}; a copy is no further trial" in said
+
+
+def test_trials_one_below_the_other_are_refused(tmp_path):
+    """Two trials of 3.81 and 7.62 were measured as one of 11.67."""
+    rows = "\n".join(f"{trial},{x:.5f}" for trial, seed in ((1, 1), (2, 2)) for x in sway(seed=seed).values[:, 0])
+    (tmp_path / "both.csv").write_text(f"trial,ap [mm]\n{rows}\n")
+    with pytest.raises(DataError, match="trials one below the other, which the column 'trial' counts"):
+        icmj.read_series(tmp_path / "both.csv", columns=["ap"], rate=100.0)
+    with pytest.raises(FitError, match="trials one below the other"):
+        read_trials(tmp_path / "both.csv", ["ap"], rate=100.0)
+    one = "\n".join(f"1,{x:.5f}" for x in sway(seed=1).values[:, 0])
+    (tmp_path / "one.csv").write_text(f"trial,ap [mm]\n{one}\n")
+    assert len(icmj.read_series(tmp_path / "one.csv", columns=["ap"], rate=100.0)) == 4000
+
+
+@pytest.mark.parametrize(("seconds", "parts", "note"), [
+    (60, 1, None), (100, 1, "cut to its first 60 s, without the last 40 s"), (120, 2, "cut into 2 trials of 60 s"),
+    (150, 2, "cut into 2 trials of 60 s, without the last 30 s"),
+])  # fmt: skip
+def test_what_is_left_out_of_long_records_is_said(seconds, parts, note, tmp_path):
+    """Records of 90 to 120 s were not cut, and of longer ones the rest was dropped without a word."""
+    icmj.write_series(sway(seconds), tmp_path / "long.csv")
+    found = read_trials(tmp_path / "long.csv")
+    assert len(found) == parts
+    assert all(len(trial.cop) == 6000 for trial in found)
+    assert [list(trial.notes) for trial in found] == [[note] if note else []] * parts
+
+
+def test_measures_of_a_trial_that_is_too_short_for_them_are_those_of_the_others(tmp_path):
+    """A trial of 9 s beside one of 60 s made slopes NaN for both."""
+    icmj.write_series(sway(60), tmp_path / "long.csv")
+    icmj.write_series(sway(9, seed=2), tmp_path / "short.csv")
+    (tmp_path / "s.toml").write_text(STANDING)
+    alone, both = (
+        icmj.analyse_recordings(tmp_path / "s.toml", [tmp_path / f"{name}.csv" for name in names]).found[0].finding
+        for names in (["long"], ["long", "short"])
+    )
+    assert both.numbers["ap, H, long times"] == alone.numbers["ap, H, long times"]
+    assert np.isfinite(both.numbers["ap, H, long times"])
+    assert "some measures are of fewer trials, as 1 of 2 are too short for them" in both.words
+    assert "fewer trials" not in alone.words
+
+
+def test_two_recordings_in_one_log_are_refused(tmp_path):
+    """Merged by rerun's own command, one was read and the other lost."""
+    for name in ("simple-0.8", "simple-1.2"):
+        case = icmj.prepare(icmj.load_run(name).with_(**{"simulation.duration": 2.0}))
+        icmj.write_log(icmj.run_case(case.run, plant="linear"), tmp_path / f"{name}.rrd")
+    merged = tmp_path / "both.rrd"
+    command = [program(), "rrd", "merge", "-o", merged, tmp_path / "simple-0.8.rrd", tmp_path / "simple-1.2.rrd"]
+    subprocess.run(list(map(str, command)), check=True, capture_output=True)
+    for read in (icmj.read_log, icmj.log.read_summary):
+        with pytest.raises(LogError, match="2 recordings in one file; a log has one"):
+            read(merged)
+    shutil.copy(tmp_path / "simple-0.8.rrd", merged)
+    assert icmj.read_log(merged).run.case.name == "simple-0.8"
