@@ -494,6 +494,8 @@ def people_of(command: FitCommand, progress: Callable[[str, float], None] = lamb
     Raises:
         FitError: one line, if a recording or the table cannot be used, or a recording is listed twice for one person.
     """
+    from hashlib import sha256
+
     from icmj.fitting.recordings import MOST, TrialOf, read_trials
     from icmj.study.fit import Subject
 
@@ -519,7 +521,7 @@ def people_of(command: FitCommand, progress: Callable[[str, float], None] = lamb
         if count > MOST:
             raise FitError(f"{base / row['file']}: the recordings hold more than {MOST} trials; fit them in parts")
         for one in trials:
-            if (other := same.setdefault((key, one.cop.tobytes()), row["file"])) != row["file"]:
+            if (other := same.setdefault((key, sha256(one.cop.tobytes()).digest()), row["file"])) != row["file"]:
                 raise FitError(f"{base / row['file']}: holds the same values as {other}; a copy is no further trial")
         found.setdefault(key, []).extend((row["file"], one) for one in trials)
         progress("reading recordings", (i + 1) / len(rows))

@@ -111,7 +111,11 @@ def test_names_of_columns_may_have_spaces_around_them(recording, tmp_path) -> No
 
 def test_many_rows_are_refused_before_any_recording_is_read(tmp_path, monkeypatch) -> None:
     """Of 900,000 rows each copied those of the same person before it, without a word, for minutes."""
-    monkeypatch.setattr("icmj.fitting.recordings.read_trials", lambda *_, **__: (TrialOf("ap", np.zeros(1)),))
+
+    def trial(path):
+        return TrialOf("ap", np.full(1, float(path.name)))
+
+    monkeypatch.setattr("icmj.fitting.recordings.read_trials", lambda path, *_, **__: (trial(path),))
     path = tmp_path / "people.csv"
     path.write_text("file,person\n" + "".join(f"{i},a\n" for i in range(MOST + 1)))
     with pytest.raises(FitError, match=f"lists more than {MOST} recordings; fit them in parts"):
@@ -121,7 +125,7 @@ def test_many_rows_are_refused_before_any_recording_is_read(tmp_path, monkeypatc
     (found,) = people_of(FitCommand(model=("event",), table=path), lambda _, done: shares.append(done))
     assert len(found.trials) == len(shares) == MOST
     assert shares[-1] == 1
-    monkeypatch.setattr("icmj.fitting.recordings.read_trials", lambda *_, **__: (TrialOf("ap", np.zeros(1)),) * 2)
+    monkeypatch.setattr("icmj.fitting.recordings.read_trials", lambda path, *_, **__: (trial(path),) * 2)
     with pytest.raises(FitError, match=f"hold more than {MOST} trials"):
         people_of(FitCommand(model=("event",), table=path))
 
