@@ -24,12 +24,10 @@ from .case.case import simulate_plant as simulate_plant
 from .case.comparison import compare as compare
 from .case.plants import to_iosystem as to_iosystem
 from .case.result import Result as Result
+from .controller.channels import SwitchingChannels as SwitchingChannels
 from .controller.controller import Controller as Controller
 from .controller.controller import Law as Law
-from .controller.delayed import DelayedPID as DelayedPID
-from .controller.delayed import PredictorController as PredictorController
-from .controller.delayed import SwitchingChannels as SwitchingChannels
-from .controller.delayed import SwitchingPD as SwitchingPD
+from .controller.delayed_pid import DelayedPID as DelayedPID
 from .controller.design import Delay as Delay
 from .controller.design import Design as Design
 from .controller.design import Hold as Hold
@@ -37,10 +35,12 @@ from .controller.design import design_lq as design_lq
 from .controller.design import output_weight as output_weight
 from .controller.design import system_matched as system_matched
 from .controller.design import zero_order as zero_order
+from .controller.predictor import PredictorController as PredictorController
 from .controller.rules.box import BoxTrigger as BoxTrigger
 from .controller.rules.quadratic import EventTrigger as EventTrigger
 from .controller.setpoint import Target as Target
 from .controller.setpoint import setpoint as setpoint
+from .controller.switching import SwitchingPD as SwitchingPD
 from .controller.trigger import ClockTrigger as ClockTrigger
 from .controller.trigger import Continuous as Continuous
 from .controller.trigger import EventRule as EventRule

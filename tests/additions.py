@@ -286,7 +286,123 @@ result = icmj.run_case(read(other, *keys[other]), "linear")
 assert len(result.simulation.t) > 100
 """,
 )
-SHELVES = {"shapes": SHAPES, "event rules": RULES}
+CONTROLLERS = Shelf(
+    "runfile/controllers",
+    "spring",
+    '''"""A spring: delayed feedback of one output to every input."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from icmj.base.array import Finite
+from icmj.controller.controller import Law
+from icmj.controller.realisation import Layout, Mode, Realisation
+from icmj.plant.linear_plant import LinearPlant
+from icmj.runfile.control_tables import ControllerTable, Parts
+from icmj.runfile.table import keys_of, make
+
+
+@dataclass(frozen=True, eq=False)
+class Spring(Law):
+    """u = −stiffness · y.
+
+    Attributes:
+        assumed: the plant.
+        delay: of the reading [s].
+        output: output that is fed back.
+        stiffness: gain [input per output].
+    """
+
+    assumed: LinearPlant
+    delay: float
+    output: str
+    stiffness: Finite = 1.0
+
+    @property
+    def plant(self) -> LinearPlant:
+        return self.assumed
+
+    @property
+    def kind(self) -> str:
+        return "spring"
+
+    def facts(self) -> Mapping[str, Any]:
+        return {"stiffness": self.stiffness, "delay": self.delay}
+
+    @cached_property
+    def realisation(self) -> Realisation:
+        n_u, n_y = self.assumed.n_u, self.assumed.n_y
+        S = np.zeros((n_u, n_y))
+        S[:, self.assumed.outputs.index(self.output)] = self.stiffness
+        none = np.zeros((0, 0))
+        mode = Mode("on", none, np.zeros((0, n_y)), np.zeros((n_u, 0)), S)
+        return Realisation(Layout.of(), (mode,), none, none, none, np.zeros(1, dtype=int), taps=(self.delay,))
+
+
+@keys_of(Spring, without=("assumed", "delay"))
+class SpringTable(ControllerTable):
+    """A spring of a run file."""
+
+    kind: Literal["spring"]
+    """Kind of controller."""
+
+    def law(self, parts: Parts) -> Law:
+        return make(Spring, self, assumed=parts.assumed, delay=parts.delay.t_d)
+
+
+TABLES, LAWS = (SpringTable,), (Spring,)
+''',
+    """
+import icmj, numpy as np
+from icmj.log.archive import pack, unpack
+from icmj.runfile.sweep_tables import json_schema
+controller = {"kind": "spring", "output": "angle", "stiffness": 3.0}
+run = icmj.load_run("simple-0.8").with_(controller=controller, **{
+    "assumed.delay": 0.1, "simulation.duration": 1.0, "simulation.timestep": None})
+result = icmj.run_case(run, "linear")
+t, y, u = result.simulation.t, result.simulation.y[:, 0], result.simulation.u[:, 0]
+late = np.interp(t - 0.1, t, y)
+np.testing.assert_allclose(u[t > 0.1], -3.0 * late[t > 0.1], atol=1e-5)
+back = unpack(*pack(result))
+assert (back.controller.kind, back.controller.stiffness) == ("spring", 3.0)
+keys = json_schema("run")["$defs"]["SpringTable"]["properties"]
+assert keys["stiffness"]["description"] == "Gain [input per output]."
+""",
+    """
+import icmj
+from icmj.errors import RunFileError
+run = icmj.load_run("simple-0.8")
+for controller, words in (
+    ({"kind": "spring"}, "controller.output is missing"),
+    ({"kind": "spring", "output": "angle", "stiffness": "much"}, "controller.stiffness: expected a number"),
+    ({"kind": "springs", "output": "angle"}, "'delayed-pid', 'spring' or the module:name of a controller of your own"),
+):
+    try:
+        run.with_(controller=controller)
+    except RunFileError as error:
+        assert words in str(error) and "\\n" not in str(error), error
+    else:
+        raise AssertionError(controller)
+""",
+    READ_REST
+    + """
+kind = "a:b" if gone == "own" else gone.replace("_", "-")
+try:
+    plain.with_(controller={"kind": kind})
+except IcmjError as error:
+    assert "kind must be 'intermittent'" in str(error) and "\\n" not in str(error), error
+else:
+    raise AssertionError(kind)
+"""
+    + RUN_REST,
+)
+SHELVES = {"shapes": SHAPES, "event rules": RULES, "controllers": CONTROLLERS}
 
 
 @contextmanager

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from icmj.case.result import Result
     from icmj.cli.arguments import ContinueCommand
     from icmj.cli.terminal import Terminal
-    from icmj.controller.delayed import SwitchingPD
+    from icmj.controller.switching import SwitchingPD
     from icmj.cycle.switched import SwitchedCycle
     from icmj.engine.linearisation import Linearisation
     from icmj.measurement.sway import Coordinate, Diffusion, Measure, Plane, Sway

@@ -1,6 +1,6 @@
+from .channels import Channel as Channel
 from .controller import RecordedLaw as RecordedLaw
 from .controller import continuous_limit as continuous_limit
-from .delayed import Channel as Channel
 from .realisation import Guard as Guard
 from .realisation import Layout as Layout
 from .realisation import Mode as Mode

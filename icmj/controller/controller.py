@@ -141,7 +141,7 @@ def expect_law(law: Law, plant: LinearPlant) -> Law:
 
 def record_law(law: Law) -> Law:
     """A controller as a log keeps it: itself, but for one that is not of icmj."""
-    if type(law).__module__.startswith(f"{__package__}."):
+    if type(law).__module__.startswith("icmj."):
         return law
     named: list[str] = [f.name for f in fields(law)] if is_dataclass(law) else []
     parameters = {name: plain(getattr(law, name)) for name in named if getattr(law, name) is not law.plant}

@@ -18,7 +18,7 @@ sign changes:
 
 What comes first at one instant is stated in docs/simulation.md. Observer, hold and event rule are one instance
 (:mod:`icmj.controller.controller`): a single mode that reads the current outputs. Feedback of delayed outputs that is
-switched on and off is another (:mod:`icmj.controller.delayed`): two modes, no state. :func:`parallel` adds two
+switched on and off is another (:mod:`icmj.controller.switching`): two modes, no state. :func:`parallel` adds two
 controllers to one.
 
 Named segments of a state vector, declared once and shared by all who write or read it.

@@ -273,7 +273,7 @@ class RecordedRule(EventRule):
 
 def record_trigger(rule: Trigger, design: Design) -> Trigger:
     """A trigger as a log keeps it: itself, but for a rule that is not of icmj."""
-    if not isinstance(rule, EventRule) or type(rule).__module__.startswith(f"{__package__}."):
+    if not isinstance(rule, EventRule) or type(rule).__module__.startswith("icmj."):
         return rule
     faces = rule.faces(design)
     parameters: dict[str, Any] = {f.name: getattr(rule, f.name) for f in fields(rule)} if is_dataclass(rule) else {}

@@ -25,7 +25,7 @@ from scipy.linalg import expm
 
 from icmj.base.array import RELATIVE_ROUNDING, Array
 from icmj.controller.controller import Law
-from icmj.controller.delayed import OFF, SwitchingPD
+from icmj.controller.switching import OFF, SwitchingPD
 from icmj.cycle.cycle import newton
 from icmj.cycle.return_map import LostInterval, Turn, jacobian, multipliers
 from icmj.errors import CycleError, IcmjError

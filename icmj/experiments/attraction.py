@@ -11,7 +11,7 @@ Coexisting attractors: the motions that the closed loop settles on from many sta
 
 Rounds of a switched controller: the factor by which the motion grows or shrinks in a round, and its cycle.
 
-A feedback of delayed outputs that is switched on and off in their plane (:mod:`icmj.controller.delayed`) and has no
+A feedback of delayed outputs that is switched on and off in their plane (:mod:`icmj.controller.switching`) and has no
 dead zone is homogeneous: a motion scaled at the start is scaled throughout. So it settles on rounds, each of which is
 the one before times a factor, and that factor is the verdict: below 1 the body stands, above 1 it falls. With a dead
 zone rounds of factor 1 are a cycle, whose size is in proportion to the zone.
@@ -31,7 +31,7 @@ from icmj.base.process import limit_to_one_thread
 from icmj.case.case import Case, PlantKind, expect_rule, expect_theory, open_loop, simulate
 from icmj.case.result import AmplitudeLaw, Attractor, Growth
 from icmj.controller.controller import Controller, Law
-from icmj.controller.delayed import SwitchingPD
+from icmj.controller.switching import SwitchingPD
 from icmj.controller.trigger import ClockTrigger
 from icmj.errors import AnalysisError, SimulationError, expect
 from icmj.linear.run import simulate as simulate_exactly

@@ -33,7 +33,6 @@ from icmj.base.text import one_line
 from icmj.case.plants import plant_files
 from icmj.case.result import AmplitudeLaw, Attractor, Growth, Result, has_prediction
 from icmj.controller.controller import Controller, RecordedLaw, has_trigger, record_law
-from icmj.controller.delayed import Channel, DelayedPID, PredictorController, SwitchingChannels, SwitchingPD
 from icmj.controller.design import Delay, Design, Hold
 from icmj.controller.realisation import Guard, Layout, Mode, Rates, Realisation
 from icmj.controller.rules import RULES
@@ -43,6 +42,7 @@ from icmj.errors import AnalysisError, IcmjError, LogError
 from icmj.measurement.measurement import Measurement
 from icmj.measurement.statistics import Estimate, Spectrum, Statistics
 from icmj.plant.linear_plant import LinearPlant, Push
+from icmj.runfile.controllers import CONTROLLERS
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import MOST_BYTES, BundledFiles, RunFile
 from icmj.simulation.disturbance import acting_on, collect_drives
@@ -385,7 +385,7 @@ _DATA: tuple[type, ...] = (
     *(Estimate, Spectrum, Statistics),
     *(Growth, AmplitudeLaw, Attractor, Result),
     *(Layout, Rates, Mode, Guard, Realisation, RecordedLaw),
-    *(SwitchingPD, Channel, SwitchingChannels, DelayedPID, PredictorController),
+    *(law for laws in CONTROLLERS.collect("LAWS") for law in laws),
 )
 _CLASSES = {cls.__name__: cls for cls in _DATA}
 _FORMER = {"Family": OrbitFamily}  # as logs of before call them

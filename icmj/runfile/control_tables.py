@@ -1,28 +1,24 @@
-"""The tables of the controller: weights of its design, hold and event rule, and range of the analysis.
-
-The tables of controllers that are not intermittent; ``[controller] kind`` selects one.
-"""
+"""The tables of the controller: weights of its design, hold and event rule, and range of the analysis."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from inspect import signature
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import model_validator
 
-from icmj.base.array import MOST_ENTRIES, Finite, Matrix, NonNegative, Numbers, Positive, Positives, Weight, real
-from icmj.controller.controller import Controller, Law, expect_law
-from icmj.controller.delayed import Channel, DelayedPID, PredictorController, SwitchingChannels, SwitchingPD, slope_of
+from icmj.base.array import Matrix, NonNegative, Numbers, Positive, Positives, Weight, real
+from icmj.controller.controller import Controller, Law
 from icmj.controller.design import HOLDS, Delay, Design, Hold
 from icmj.controller.rules import RULES
 from icmj.controller.setpoint import (
     Setpoint,
 )
 from icmj.controller.trigger import EventRule, expect_own_rule
-from icmj.errors import AnalysisError, RunFileError
+from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.quality import Kind
 from icmj.runfile.table import (
@@ -31,7 +27,6 @@ from icmj.runfile.table import (
     Reference,
     TomlTable,
     keys_of,
-    make,
 )
 from icmj.work.own_code import Code, guard, pick_accepted
 
@@ -88,10 +83,18 @@ class Parts:
 class ControllerTable(TomlTable):
     """A table ``[controller]`` of any kind."""
 
+    if TYPE_CHECKING:
+        kind: str
+
     has_events: ClassVar[bool] = False
     """Whether its controller has an event rule, and with it a critical interval and a prediction."""
     follows: ClassVar[bool] = False
     """Whether its controller follows a set-point."""
+
+    @classmethod
+    def takes(cls, data: Mapping[str, Any]) -> bool:
+        """Whether a table with its ``kind`` is one of these; several may share a kind, and the first takes it."""
+        return True
 
     def law(self, parts: Parts) -> Law:
         """The controller for the assumed plant; with the actual delay, if it is none of a design.
@@ -236,142 +239,3 @@ class Analysis(TomlTable):
     """Upper end of the search for crossings [s]."""
     allow: list[Kind] = []
     """Kinds of notice that are reported instead of stopping the run as errors."""
-
-
-Share = Annotated[float, Field(gt=0, le=1)]
-
-
-class SwitchedTable(TomlTable):
-    """What bounds the region where feedback is off, in one plane."""
-
-    share: Annotated[float, Field(gt=0, le=1)] | None = None
-    """Share ρ of the plane in which feedback is on, instead of ``slope`` = −tan(π(ρ − ½)); 1 means everywhere."""
-
-    @property
-    def line(self) -> dict[str, Any]:
-        """What ``share`` says instead of ``slope``, where it is given: the line, or that there is none."""
-        if self.share is None:
-            return {}
-        return {"slope": 0.0, "switches": False} if self.share == 1 else {"slope": slope_of(self.share)}
-
-    @model_validator(mode="after")
-    def _says_it_once(self) -> SwitchedTable:
-        if self.share is not None and "slope" in self.model_fields_set:
-            raise ValueError("give slope or share, not both")
-        return self
-
-
-@keys_of(Channel)
-class SwitchingChannel(SwitchedTable):
-    """One channel of a switching controller of several joints: for a joint, or for the virtual pendulum."""
-
-    @property
-    def channel(self) -> Channel:
-        """The channel."""
-        return make(Channel, self, **self.line)
-
-
-@keys_of(SwitchingPD, without=("assumed", "delay"))
-class Switching(SwitchedTable, ControllerTable):
-    """Feedback of delayed outputs that is switched on and off in their state plane (Asai et al. 2009).
-
-    Its delay is that of the plant: ``delay`` of ``[actual]``, or else of ``[assumed]``.
-    """
-
-    kind: Literal["switching"]
-    """Kind of controller."""
-    position: str
-    rate: str
-    P: Finite | Numbers
-    D: Finite | Numbers
-
-    def law(self, parts: Parts) -> Law:
-        return make(SwitchingPD, self, assumed=parts.assumed, delay=parts.delay.t_d, **self.line)
-
-
-class Channelled(ControllerTable):
-    """Switched feedback for a body with several joints: each channel is switched in its own plane.
-
-    Its delay is that of the plant: ``delay`` of ``[actual]``, or else of ``[assumed]``.
-    """
-
-    tag: ClassVar[str] = "channels"
-
-    kind: Literal["switching"]
-    """Kind of controller; it has channels instead of one position and rate."""
-    channel: Annotated[list[SwitchingChannel], Field(min_length=1, max_length=MOST_ENTRIES)]
-    """The channels, one ``[[controller.channel]]`` each."""
-
-    def law(self, parts: Parts) -> Law:
-        return SwitchingChannels(parts.assumed, tuple(each.channel for each in self.channel), parts.delay.t_d)
-
-
-@keys_of(DelayedPID, without=("assumed", "delay"))
-class DelayedPIDTable(ControllerTable):
-    """Continuous delayed feedback, proportional, integral and derivative, with force feedback (Peterka's family).
-
-    Its delay is that of the plant: ``delay`` of ``[actual]``, or else of ``[assumed]``.
-    """
-
-    kind: Literal["delayed-pid"]
-    """Kind of controller."""
-
-    def law(self, parts: Parts) -> Law:
-        return make(DelayedPID, self, assumed=parts.assumed, delay=parts.delay.t_d)
-
-
-class Predictor(ControllerTable):
-    """The continuous predictor controller: observer, predictor over the delay, and feedback act continuously.
-
-    Its gains are those of ``[design]``, its delay is that of the plant, and its predictor uses the assumed delay.
-    """
-
-    kind: Literal["predictor"]
-    """Kind of controller."""
-
-    follows: ClassVar[bool] = True
-
-    def law(self, parts: Parts) -> Law:
-        return PredictorController(parts.design(), parts.delay, parts.setpoint())
-
-
-class OwnController(ControllerTable):
-    """Your own controller: the ``module:name`` of a class that inherits from ``icmj.Law``."""
-
-    tag: ClassVar[str] = "own"
-
-    kind: Reference
-    """The class; it receives the assumed plant, the delay if it accepts one, and the parameters."""
-    parameters: Parameters = {}
-    """Parameters of the controller, by name."""
-
-    def law(self, parts: Parts) -> Law:
-        given = pick_accepted(parts.code.find(self.kind), {"delay": parts.delay.t_d})
-        made = parts.code.make(self.kind, parts.assumed, **{**given, **self.parameters})
-        if not isinstance(made, Law):
-            raise RunFileError(f"controller.kind: {self.kind} makes a {type(made).__name__}; expected an icmj.Law")
-        with guard(self.kind):
-            return expect_law(made, parts.assumed)
-
-
-def _kind(table: Any) -> str:
-    kind = table.get("kind", "intermittent") if isinstance(table, Mapping) else getattr(table, "kind", "intermittent")
-    if kind == "switching" and (isinstance(table, Channelled) or (isinstance(table, Mapping) and "channel" in table)):
-        return "channels"
-    return "own" if isinstance(kind, str) and ":" in kind else str(kind)
-
-
-_KINDS = (
-    "kind must be 'intermittent', 'predictor', 'switching', 'delayed-pid' or the module:name of a controller of your "
-    "own"
-)
-AnyController = Annotated[
-    Annotated[Control, Tag("intermittent")]
-    | Annotated[Predictor, Tag("predictor")]
-    | Annotated[Switching, Tag("switching")]
-    | Annotated[Channelled, Tag("channels")]
-    | Annotated[DelayedPIDTable, Tag("delayed-pid")]
-    | Annotated[OwnController, Tag("own")],
-    Discriminator(_kind, custom_error_type="controller_kind", custom_error_message=_KINDS),
-]
-"""The controller of a run file, by its ``kind``."""

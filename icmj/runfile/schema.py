@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_args
 
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
@@ -28,18 +28,46 @@ from icmj.base.array import MOST_ENTRIES, Positive
 from icmj.base.text import one_line
 from icmj.errors import RunFileError
 from icmj.plant.body import Activation, Person
-from icmj.runfile.control_tables import Analysis, AnyController, Control, Weights
+from icmj.runfile.control_tables import Analysis, Control, ControllerTable, Weights
+from icmj.runfile.controllers import CONTROLLERS
 from icmj.runfile.place import DisturbanceTable
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
 from icmj.runfile.run_tables import SimulationTable, StudyTable
 from icmj.runfile.shapes import SHAPES
-from icmj.runfile.table import CHOICE, Line, Name, TomlTable, in_words, one_of
+from icmj.runfile.table import CHOICE, Line, Name, TomlTable, in_words, kind_of, one_of, tag_of
 from icmj.runfile.target import TargetTable, find_files
 from icmj.work.own_code import MODELS, Code
 
+CONTROLLER_TABLES = (Control, *(table for tables in CONTROLLERS.collect("TABLES") for table in tables))
+
+
+def _tell_controller(data: Any) -> str | None:
+    """The tag of the table that data of ``[controller]`` are to be; intermittent, where they do not say it."""
+    if not isinstance(data, Mapping):
+        return tag_of(type(data))
+    kind = data.get("kind", tag_of(Control))
+    tag = kind_of({"kind": kind})
+    same = (table for table in CONTROLLER_TABLES if _kind_of_table(table) == kind and table.takes(data))
+    return next(map(tag_of, same), tag)
+
+
+def _kind_of_table(table: type[ControllerTable]) -> str | None:
+    """The one kind of a table; ``None`` where it is ``module:name`` of somebody's own."""
+    kinds = get_args(table.model_fields["kind"].annotation)
+    return str(kinds[0]) if kinds else None
+
+
 if TYPE_CHECKING:
+    AnyController = ControllerTable
     SetpointTable = TargetTable
 else:
+    _known = dict.fromkeys(repr(kind) for table in CONTROLLER_TABLES if (kind := _kind_of_table(table)))
+    AnyController = one_of(
+        CONTROLLER_TABLES,
+        _tell_controller,
+        custom_error_type="controller_kind",
+        custom_error_message=f"kind must be {', '.join(_known)} or the module:name of a controller of your own",
+    )
     SetpointTable = one_of(SHAPES.collect("SETPOINT"))  # by its kind
 
 Place = tuple[str | int, ...]

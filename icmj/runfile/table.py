@@ -104,8 +104,10 @@ def _resolve(loc: _Place, schema: type[BaseModel]) -> tuple[_Place, int | None, 
         if isinstance(part, int):
             place.append(part)
             annotation = _element(annotation)
-        elif len(models) > 1 and part in {_tag(model) for model in models}:  # first: "file" is a kind, and a key of it
-            annotation = next(model for model in models if _tag(model) == part)
+        elif len(models) > 1 and part in {
+            tag_of(model) for model in models
+        }:  # first: "file" is a kind, and a key of it
+            annotation = next(model for model in models if tag_of(model) == part)
         elif models and any(part in model.model_fields for model in models):
             place.append(part)
             annotation = next(m.model_fields[part].annotation for m in models if part in m.model_fields)
@@ -171,7 +173,7 @@ def _words(where: _Place, error: Mapping[str, Any], annotation: Any, schema: typ
         return str(context.get("error", error["msg"]))
     if kind in ("union_tag_not_found", "union_tag_invalid"):
         name = "kind"  # by which all tables are told apart
-        named = [tag for model in _members(annotation) if (tag := _tag(model))]
+        named = [tag for model in _members(annotation) if (tag := tag_of(model))]
         tags = [tag for tag in named if tag != OWN]
         code = [] if len(tags) == len(named) else ["the module:name of code of your own"]
         if isinstance(got, dict) and name not in got:
@@ -284,7 +286,8 @@ def _element(annotation: Any) -> Any:
     return Union[tuple(lists)] if lists else annotation  # noqa: UP007
 
 
-def _tag(model: Any) -> str | None:
+def tag_of(model: Any) -> str | None:
+    """By what a table is told from others: its tag, else its ``kind``; ``None`` if it has neither."""
     if (own := getattr(model, "tag", None)) is not None:
         return str(own)
     field = getattr(model, "model_fields", {}).get("kind")
@@ -297,10 +300,16 @@ def kind_of(table: Any) -> str | None:
     return OWN if isinstance(kind, str) and ":" in kind else None if kind is None else str(kind)
 
 
-def one_of(tables: Sequence[type[TomlTable]]) -> Any:
-    """The type of a table that is one of these, of which each has a ``kind`` of its own or the tag ``own``."""
-    members = tuple(Annotated[table, Tag(str(_tag(table)))] for table in tables)
-    return Annotated[Union[members], Discriminator(kind_of)]  # noqa: UP007
+def one_of(tables: Sequence[type[TomlTable]], tell: Callable[[Any], str | None] = kind_of, **messages: Any) -> Any:
+    """The type of a table that is one of these.
+
+    Args:
+        tables: each with a ``kind`` of its own, or with a tag.
+        tell: the kind, or the tag, of the one that data are to be.
+        messages: those of pydantic's ``Discriminator``, for data that are none of them.
+    """
+    members = tuple(Annotated[table, Tag(str(tag_of(table)))] for table in tables)
+    return Annotated[Union[members], Discriminator(tell, **messages)]  # noqa: UP007
 
 
 Interval = Annotated[float, Field(ge=1e-6, le=1e4, allow_inf_nan=False)]

@@ -12,7 +12,7 @@ boundary of a region that contains all of them.
 
 The loop of a plant under the continuous predictor controller: roots, frequency response, variance.
 
-In the controller's own time, t_d later, with P what it predicts for now (:mod:`icmj.controller.delayed`),
+In the controller's own time, t_d later, with P what it predicts for now (:mod:`icmj.controller.predictor`),
 
     ẋ   = A x + B (u + d)
     ẋ_o = Â x_o + B̂ u(t − t_d) + L (y(t − t_d) + n(t − t_d) − Ĉ x_o)
@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, falling
 from icmj.controller.controller import Law
-from icmj.controller.delayed import PredictorController
+from icmj.controller.predictor import PredictorController
 from icmj.errors import AnalysisError, expect
 from icmj.plant.linear_plant import LinearPlant, match_ports
 

@@ -31,7 +31,10 @@ def test_a_thing_is_imported_when_it_is_asked_for(shelf):
         shelf["three"]
 
 
-MOVED = {"icmj.controller.trigger": ("EventTrigger", "BoxTrigger", "as_weight", "output_weight")}
+MOVED = {
+    "icmj.controller.trigger": ("EventTrigger", "BoxTrigger", "as_weight", "output_weight"),
+    "icmj.controller.delayed": ("PredictorController", "DelayedPID", "SwitchingPD", "SwitchingChannels", "Channel"),
+}
 
 
 @pytest.mark.parametrize(("module", "name"), [(module, name) for module, names in MOVED.items() for name in names])

@@ -8,7 +8,7 @@ from oracles.delay import of_law
 from tapped_cases import BODY, SWITCHING
 
 from icmj import LinearPlant, Settings
-from icmj.controller.delayed import Channel, SwitchingChannels
+from icmj.controller.channels import Channel, SwitchingChannels
 from icmj.errors import AnalysisError
 from icmj.linear.run import simulate
 

@@ -11,9 +11,9 @@ from oracles.engine import flight
 from tapped_cases import DAMPING, INERTIA, MGH, PERSON, STIFFNESS
 
 import icmj
-from icmj.controller.delayed import SwitchingPD
 from icmj.controller.design import design_lq, output_weight, system_matched
 from icmj.controller.rules.quadratic import EventTrigger
+from icmj.controller.switching import SwitchingPD
 from icmj.controller.trigger import Continuous
 from icmj.engine.open_loop import open_loop
 from icmj.engine.plant import MujocoPlant, load_plant

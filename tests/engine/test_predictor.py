@@ -6,8 +6,8 @@ from tapped_cases import person
 
 import icmj
 from icmj.controller.controller import Controller
-from icmj.controller.delayed import PredictorController
 from icmj.controller.design import Delay, design_lq, output_weight, system_matched
+from icmj.controller.predictor import PredictorController
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import Target, setpoint, step
 from icmj.engine.run import simulate

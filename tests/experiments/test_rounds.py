@@ -8,7 +8,7 @@ import pytest
 from terminal_cases import told
 
 from icmj import LinearPlant, Settings, load_run, prepare, run_case, simulate_plant
-from icmj.controller.delayed import SwitchingPD, slope_of
+from icmj.controller.switching import SwitchingPD, slope_of
 from icmj.errors import AnalysisError
 from icmj.experiments.attraction import attraction, rounds, rounds_of
 

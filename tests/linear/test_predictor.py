@@ -9,8 +9,8 @@ from oracles.delay import Delayed
 from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
-from icmj.controller.delayed import PredictorController
 from icmj.controller.design import Delay, output_weight, system_matched
+from icmj.controller.predictor import PredictorController
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
 from icmj.controller.trigger import ClockTrigger
