@@ -107,7 +107,7 @@ def following(
     return recorded(simulate(plant("three_link", 0.9), control, settings, error_estimate=False))
 
 
-def adapted(tolerance: float, **more: object) -> Settings:
+def chosen(tolerance: float, **more: object) -> Settings:
     return Settings(**{"duration": 1.5, "tolerance": tolerance, **more})  # type: ignore[arg-type]
 
 
@@ -266,22 +266,22 @@ FIXED: dict[str, Callable[[], Recorded]] = {
     "touching": touching,
     "diverging": diverging,
 }
-ADAPTED: dict[str, Callable[[], Recorded]] = {
-    "adapted set-point": partial(following, adapted(1e-9)),
-    "adapted set-point with a delay": partial(following, adapted(1e-9), None, TICK),
-    "adapted set-point, sampled late": partial(following, adapted(1e-9), None, None, 0.07),
-    "adapted, muscles": partial(lagging, adapted(1e-8, duration=0.8)),
-    "RK34": partial(leaning, *THREE, adapted(1e-5)),
-    "DOP853": partial(leaning, *THREE, adapted(1e-9)),
-    "adapted, delayed clock": partial(leaning, *THREE, adapted(1e-7), ClockTrigger(0.313), TICK),
-    "adapted, delayed": partial(leaning, *THREE, adapted(1e-8), EventTrigger(np.eye(6), 0.02, 0.1), TICK),
-    "adapted, pushed neglected": partial(leaning, *NEGLECTED, adapted(1e-7, disturbance=DISTURBED)),
-    "adapted, pushed and delayed": partial(leaning, *PENDULUM, adapted(1e-7, disturbance=DISTURBED), None, Delay(0.2)),
-    "adapted, continuous": partial(leaning, *PENDULUM, adapted(1e-7), Continuous()),
-    "adapted, pushed body": partial(leaning, *THREE, adapted(1e-5, disturbance=PUSHED)),
-    "adapted, hooked": partial(driven, HOOKED, adapted(1e-6), "aside", 2e-4),
-    "adapted, tapped": partial(tapped, SWITCHING, adapted(1e-7, duration=2.5)),
-    "adapted, tapped and pushed": partial(tapped, SWITCHING, adapted(1e-8, disturbance=SWAYED)),
+CHOSEN: dict[str, Callable[[], Recorded]] = {
+    "chosen set-point": partial(following, chosen(1e-6)),
+    "chosen set-point with a delay": partial(following, chosen(1e-6), None, TICK),
+    "chosen set-point, sampled late": partial(following, chosen(1e-6), None, None, 0.07),
+    "chosen, muscles": partial(lagging, chosen(1e-6, duration=0.8)),
+    "chosen, loose": partial(leaning, *THREE, chosen(1e-2)),
+    "chosen": partial(leaning, *THREE, chosen(1e-6)),
+    "chosen, delayed clock": partial(leaning, *THREE, chosen(1e-6), ClockTrigger(0.313), TICK),
+    "chosen, delayed": partial(leaning, *THREE, chosen(1e-6), EventTrigger(np.eye(6), 0.02, 0.1), TICK),
+    "chosen, pushed neglected": partial(leaning, *NEGLECTED, chosen(1e-6, disturbance=DISTURBED)),
+    "chosen, pushed and delayed": partial(leaning, *PENDULUM, chosen(1e-6, disturbance=DISTURBED), None, Delay(0.2)),
+    "chosen, continuous": partial(leaning, *PENDULUM, chosen(1e-6), Continuous()),
+    "chosen, pushed body": partial(leaning, *THREE, chosen(1e-5, disturbance=PUSHED)),
+    "chosen, hooked": partial(driven, HOOKED, chosen(1e-6), "aside", 2e-4),
+    "chosen, tapped": partial(tapped, SWITCHING, chosen(1e-6, duration=2.5)),
+    "chosen, tapped and pushed": partial(tapped, SWITCHING, chosen(1e-6, disturbance=SWAYED)),
     "balls": partial(rich, Settings(duration=0.2, tolerance=1e-5, limit=100.0), Continuous()),
     "due at once": due_at_once,
     "flights": flights,
@@ -292,7 +292,7 @@ OTHERS: dict[str, Callable[[], Recorded]] = {
     "given up": given_up,
     **{f"around {name}": partial(neighbours, body) for name, body in BODIES.items()},
 }
-RUNS = FIXED | ADAPTED | OTHERS
+RUNS = FIXED | CHOSEN | OTHERS
 
 
 if __name__ == "__main__":

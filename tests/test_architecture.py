@@ -250,10 +250,10 @@ def test_there_is_one_event_loop() -> None:
                 entries[f"{path.parts[-3]}.{path.stem}"] = bool({"run_loop", "_run"} & set(calls))
     assert loops == {"run_loop"}
     assert {name for name, through in entries.items() if through} == {
-        "linear.pieces", "linear.stretches", "engine.fixed_steps", "engine.adapted_steps", "engine.stretches",
+        "linear.pieces", "linear.stretches", "engine.fixed_steps", "engine.stretches",
     }  # fmt: skip
     # the others visit states of a motion that is known, look for extremes in it, or evaluate sinusoids
-    others = {"engine.state", "engine.adaptive", "simulation.waves"}
+    others = {"engine.state", "engine.extremes", "simulation.waves"}
     assert {name for name, through in entries.items() if not through} <= others
 
 

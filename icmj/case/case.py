@@ -253,7 +253,7 @@ class Case(WithCard):
         Raises:
             ModelError, SimulationError: if plant and controller do not fit together, or the timestep is not usable.
         """
-        from icmj.engine.open_loop import stepping_of
+        from icmj.engine.stepping import stepping_of
         from icmj.engine.tapped import close
 
         body = self.model.matched(self.controller.plant, "position")
@@ -312,7 +312,7 @@ class Case(WithCard):
 
 
 if TYPE_CHECKING:
-    from icmj.engine.open_loop import Stepping
+    from icmj.engine.stepping import Stepping
 
 
 def expect_theory(case: Case, what: str) -> Theory:
@@ -548,7 +548,7 @@ def _parts(
     if trigger is not None:
         controller = expect_rule(case, "another trigger").triggered_by(trigger)
     if refinement != 1.0 and plant == "mujoco":
-        from icmj.engine.open_loop import refine
+        from icmj.engine.stepping import refine
 
         settings = refine(case.model, controller, settings, refinement)
     return (linear_plant(case.actual, settings) if plant == "linear" else case.model), controller, settings

@@ -209,7 +209,7 @@ class ReturnMap:
         """The same map at another timestep or tolerance; on the linear plant, unchanged."""
         if isinstance(self.plant, LinearPlant):
             return self
-        from icmj.engine.open_loop import refine
+        from icmj.engine.stepping import refine
 
         return replace(self, settings=refine(self.plant, self.controller, self.settings, factor))
 

@@ -37,13 +37,13 @@ from icmj.base.process import defer_interrupt
 from icmj.base.roots import ONE_INSTANT
 from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.controller.realisation import Layout, Mode, Realisation
-from icmj.engine.block import Block, block_of, numbers_of, pack
+from icmj.engine.block import Block, block_of, is_flow, may_constrain, numbers_of, pack
 from icmj.engine.linearisation import places, spread
-from icmj.engine.model import depart, model_name, state_names
+from icmj.engine.model import data_at, depart, model_name, state_names
 from icmj.engine.operating_point import state_units
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.safety import EngineFault, isolate_engine, words
-from icmj.engine.schedule import Schedule, States, fastest_rate, is_stiff, phases_of, recording
+from icmj.engine.schedule import Schedule, States, fastest_rate, phases_of, recording
 from icmj.errors import ModelError
 from icmj.simulation import ending
 from icmj.simulation.disturbance import NO_PUSHES, Acting, Disturbance, Pushes, acting_on, edges_of, no_disturbance
@@ -279,7 +279,6 @@ def _name_states(joint: mujoco.MjsJoint) -> str:
 
 
 POINTS = 6  # a quintic: its sixth-order error stays below that of the fourth-order integrator
-POINTS_ADAPTIVE = 8  # of the samples within adaptive steps, whose dense output is of order 7
 
 Jumps = Callable[[float, float], Array]
 
@@ -290,14 +289,12 @@ class ExtremesTracker:
     Chunks of steps are added as they come; only the steps of the interval under way are kept.
     """
 
-    def __init__(self, t: float, y: Array, jumps: Jumps | None = None, points: int = POINTS) -> None:
+    def __init__(self, t: float, y: Array, jumps: Jumps | None = None) -> None:
         """Start at ``t`` with outputs ``y`` (n_y,).
 
-        ``jumps`` gives the times between two others at which accelerations may jump; the polynomials go through so many
-        ``points``.
+        ``jumps`` gives the times between two others at which accelerations may jump.
         """
         self._jumps = jumps or (lambda start, end: np.zeros(0))
-        self._points = points
         self._t = np.array([t])
         self._y = np.array([y])
         self._max: list[Array] = []
@@ -305,7 +302,7 @@ class ExtremesTracker:
 
     def add(self, t: Array, y: Array, event_at: np.ndarray) -> None:
         """Add steps at ``t`` (M,) with outputs ``y`` (M, n_y), of which those at ``event_at`` end an interval."""
-        from icmj.engine.native.adaptive import extremes
+        from icmj.engine.native.extremes import extremes
 
         at = np.asarray(event_at, dtype=int) + len(self._t)
         self._t = np.concatenate([self._t, t])
@@ -317,7 +314,7 @@ class ExtremesTracker:
             # a jump at either end cuts nothing, whatever the last bit of its time is
             inside = inside[(inside - t_i[0] > ONE_INSTANT) & (t_i[-1] - inside > ONE_INSTANT)]
             cuts = np.concatenate([[0], np.searchsorted(t_i, inside - ONE_INSTANT), [len(t_i) - 1]])
-            high, low = extremes(t_i, y_i, self._points, cuts)
+            high, low = extremes(t_i, y_i, POINTS, cuts)
             self._max.append(high)
             self._min.append(low)
             start = end
@@ -329,10 +326,6 @@ class ExtremesTracker:
         return np.array(self._max).reshape(shape), np.array(self._min).reshape(shape)
 
 
-COLLAPSED = (
-    "no step is short enough for the tolerance: the motion is not smooth here; give [simulation] a timestep, with "
-    "which one of MuJoCo's integrators steps"
-)
 CHUNK = 2000  # steps between two looks at the keyboard and the progress bar
 
 
@@ -392,13 +385,14 @@ class ComposedLoop:
         Raises:
             ModelError, SimulationError: as there.
         """
-        if plant.spec is not self.plant.spec or integrator_of(plant, settings) != self.model.opt.integrator:
+        if plant.spec is not self.plant.spec:
             return None
         acting = acting_on(plant.linearisation.plant, settings, controller)
         numbers = repack(self.model, plant, controller, *acting, settings.duration)
         if numbers is None:
             return None
-        return ComposedLoop(plant, controller, *acting, self.model, numbers)
+        loop = ComposedLoop(plant, controller, *acting, self.model, numbers)
+        return loop if integrator_of(loop, settings) == self.model.opt.integrator else None
 
     def data(self, x: Array, a: Array, t: float = 0.0) -> mujoco.MjData:
         """Engine data at a state of plant and controller; see :meth:`place`."""
@@ -419,7 +413,7 @@ class ComposedLoop:
         return Acting(self.disturbance, self.errors, self.pushes)
 
     def schedule(self, settings: Settings, timestep: float, tolerance: float = 0.0) -> Schedule:
-        """The times of a run with these settings, by a timestep or, where it is not 0, a tolerance.
+        """The times of a run with these settings and this timestep, given, or chosen for a ``tolerance`` that is not 0.
 
         Raises:
             SimulationError: if a limit names what is no position.
@@ -441,26 +435,19 @@ class ComposedLoop:
             record_interval=settings.record_interval,
             limits=self.plant.limits(settings.limit),
             rate=max(own, float(self.acting.omega.max(initial=0.0))),
-            stiff=is_stiff(plant, own),
             sampling=self.controller.sampling_delay,
             breaks=edges_of(self.acting, self.controller),
         )
 
     def stepper(self, data: mujoco.MjData, schedule: Schedule) -> FixedSteps:
         """A stepper of the model from event to event, from the state in ``data``; within :meth:`ready`."""
-        qpos = self.plant.linearisation.point.qpos
-        if schedule.tolerance > 0:
-            from icmj.engine.native.adapted_steps import AdaptedSteps
-
-            return AdaptedSteps(self.model, data, schedule, qpos)
         from icmj.engine.native.fixed_steps import FixedSteps
 
-        return FixedSteps(self.model, data, schedule, qpos)
+        return FixedSteps(self.model, data, schedule, self.plant.linearisation.point.qpos)
 
     def tracker(self, data: mujoco.MjData, schedule: Schedule) -> ExtremesTracker:
         """The object that finds the extremes of the outputs of a run from ``data``."""
-        points = POINTS_ADAPTIVE if schedule.tolerance > 0 else POINTS
-        return ExtremesTracker(data.time, self.y(data.sensordata), schedule.jumps, points)
+        return ExtremesTracker(data.time, self.y(data.sensordata), schedule.jumps)
 
     def run(self, data: mujoco.MjData, schedule: Schedule, progress: Callable[[float], None] | None = None) -> Record:
         """Run from ``data`` until the schedule's end or until the plant falls or diverges, or the user interrupts."""
@@ -531,8 +518,6 @@ class ComposedLoop:
             return ending.diverged(t, "the state stopped being finite")
         if status == Status.STALLED:
             return ending.stalled(t)
-        if status == Status.COLLAPSED:
-            return ending.diverged(t, COLLAPSED)
         if status == Status.WARNED:
             names = [mujoco.mjtWarning(i).name for i, w in enumerate(data.warning) if w.number]
             return ending.diverged(t, f"the engine warned ({', '.join(names)})")
@@ -584,13 +569,34 @@ def close_loop(plant: MujocoPlant, controller: Controller, settings: Settings) -
         SimulationError: if a disturbance names an unknown input, output or body.
     """
     acting = acting_on(plant.linearisation.plant, settings, controller)
-    model = compose(plant, controller, *acting, settings.duration)
-    model.opt.integrator = integrator_of(plant, settings)
-    return ComposedLoop(plant, controller, *acting, model)
+    loop = ComposedLoop(plant, controller, *acting, compose(plant, controller, *acting, settings.duration))
+    loop.model.opt.integrator = integrator_of(loop, settings)
+    return loop
 
 
-def integrator_of(plant: MujocoPlant, settings: Settings) -> int:
-    """The number of the integrator that the settings name, or the model's own."""
-    if settings.integrator is None:
-        return int(plant.spec.option.integrator)
-    return int(getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}"))
+def integrator_of(loop: ComposedLoop, settings: Settings) -> int:
+    """The number of the integrator: that of the settings, that which a step is chosen for, or the model's own."""
+    if settings.integrator is not None:
+        return int(getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}"))
+    if settings.timestep is None and not refuse_choice(loop, settings):
+        return int(mujoco.mjtIntegrator.mjINT_RK4)
+    return int(loop.plant.spec.option.integrator)
+
+
+def refuse_choice(loop: ComposedLoop, settings: Settings) -> str:
+    """Why no step can be chosen for a tolerance, because the motion may not be smooth; empty if one can.
+
+    Without a tolerance in the settings, it cannot where anything *could* touch, rub or reach a limit; with one, where
+    anything does at the operating point.
+    """
+    model = loop.model
+    if not is_flow(model):
+        return "an activation that is clamped or taken a step ahead, a body that sleeps or yields, or a flex"
+    if not may_constrain(model):
+        return ""
+    if settings.tolerance is None:
+        return "contacts, limits, friction losses or equalities may act"
+    data = data_at(model, loop.plant.linearisation.point)
+    with loop.ready():
+        mujoco.mj_forward(model, data)
+    return f"{data.nefc} constraints act at the operating point" if data.nefc else ""

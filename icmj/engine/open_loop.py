@@ -1,119 +1,27 @@
-"""One open-loop interval on the engine: as a function, without a recording, and its trajectory, linearised along it.
-
-The stepping of a run: adaptive steps to a tolerance, or a fixed timestep with one of MuJoCo's integrators.
-"""
+"""One open-loop interval on the engine: as a function, without a recording, and its trajectory, linearised along it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, Law, layout_of, realise, start_state
-from icmj.engine.block import is_flow, may_constrain
+from icmj.controller.controller import Controller, layout_of, realise, start_state
 from icmj.engine.closed_loop import CHUNK, ComposedLoop, close_loop
-from icmj.engine.model import data_at
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.safety import EngineFault, can_fault
 from icmj.engine.schedule import Recording, Schedule, recording
-from icmj.engine.tapped import close
+from icmj.engine.stepping import schedule_of
 from icmj.errors import CycleError, SimulationError
 from icmj.simulation.ending import OpenLoopInterval, Sample, one_in_flight
 from icmj.simulation.native.loop import Status
-from icmj.simulation.settings import LEAST_TOLERANCE, Settings
+from icmj.simulation.settings import Settings
 
 if TYPE_CHECKING:
     from icmj.engine.native.fixed_steps import FixedSteps
-
-DEFAULT_TOLERANCE = 1e-8
-
-
-@dataclass(frozen=True)
-class Stepping:
-    """The steps of a run.
-
-    Attributes:
-        timestep: h [s]; with a tolerance a length to begin with.
-        tolerance: relative error of an open-loop interval that steps are adapted to; 0 where the timestep is fixed.
-        refusal: why steps are not adapted although a tolerance was asked for; empty otherwise.
-    """
-
-    timestep: float
-    tolerance: float = 0.0
-    refusal: str = ""
-
-
-def stepping_of(loop: ComposedLoop, settings: Settings) -> Stepping:
-    """The stepping that the settings request, as far as the model allows it.
-
-    With neither tolerance, timestep nor integrator a model in which nothing can touch, rub or reach a limit is stepped
-    adaptively, to 1e-8; any other takes its own timestep and integrator. A tolerance holds for models that *could*
-    touch, too, as long as nothing does at the operating point.
-
-    Raises:
-        SimulationError: if the timestep is shorter than 1e-9 s or longer than the run.
-    """
-    asked = settings.tolerance
-    if settings.timestep is None and settings.integrator is None:
-        refusal = _refusal(loop, asked is not None)
-        if not refusal:
-            rate = loop.schedule(settings, 1.0).rate
-            return Stepping(min(1 / rate, settings.duration), asked or DEFAULT_TOLERANCE)
-        return Stepping(timestep_of(loop, settings), refusal=refusal if asked else "")
-    return Stepping(timestep_of(loop, settings))
-
-
-def timestep_of(loop: ComposedLoop, settings: Settings) -> float:
-    """The timestep of the settings, or the model's [s].
-
-    Raises:
-        SimulationError: if it is shorter than 1e-9 s or longer than the run.
-    """
-    timestep = float(settings.timestep or loop.model.opt.timestep)
-    if not 1e-9 <= timestep <= settings.duration:
-        raise SimulationError(f"timestep {timestep} s: expected between 1e-9 s and the duration, {settings.duration} s")
-    return timestep
-
-
-def schedule_of(loop: ComposedLoop, settings: Settings) -> Schedule:
-    """The times and steps of a run.
-
-    Raises:
-        SimulationError: as for :func:`stepping_of`.
-    """
-    steps = stepping_of(loop, settings)
-    return loop.schedule(settings, steps.timestep, steps.tolerance)
-
-
-def refine(plant: MujocoPlant, controller: Law, settings: Settings, factor: float) -> Settings:
-    """The settings with ``factor`` on the timestep, or its fourth power on the tolerance.
-
-    Raises:
-        ModelError, SimulationError: as for :func:`icmj.engine.closed_loop.close_loop` and :func:`stepping_of`.
-    """
-    steps = stepping_of(close(plant, controller, settings), settings)
-    if steps.tolerance:
-        return replace(settings, tolerance=max(factor**4 * steps.tolerance, LEAST_TOLERANCE))
-    return replace(settings, timestep=factor * steps.timestep, tolerance=None)
-
-
-def _refusal(loop: ComposedLoop, asked: bool) -> str:
-    """Why the motion may not be smooth; empty if it is smooth."""
-    model = loop.model
-    if not is_flow(model):
-        return "an activation that is clamped or taken a step ahead, a body that sleeps or yields, or a flex"
-    if not may_constrain(model):
-        return ""
-    if not asked:
-        return "contacts, limits, friction losses or equalities may act"
-    data = data_at(model, loop.plant.linearisation.point)
-    with loop.ready():
-        mujoco.mj_forward(model, data)
-    return f"{data.nefc} constraints act at the operating point" if data.nefc else ""
-
 
 NEVER = 1e300  # s between rows: only events are wanted
 ROWS = 200  # in an interval: what a spline through them errs by is far below what it is used for
@@ -138,7 +46,7 @@ class EngineOpenLoop:
         self.data: mujoco.MjData = mujoco.MjData(loop.model) if like is None else like.data
         self._record: Recording = recording(CHUNK, loop.model.nsensordata, loop.width) if like is None else like._record
         self._around: list[Any] = [] if like is None else like._around
-        if like is not None and _method(like.schedule) == _method(schedule):
+        if like is not None and (like.schedule.tolerance > 0) == (schedule.tolerance > 0):
             self._steps: FixedSteps = like._steps.reschedule(self.schedule, loop.plant.linearisation.point.qpos)
             return
         with loop.ready():
@@ -194,10 +102,6 @@ class EngineOpenLoop:
             if not self._around:
                 self._around.append(neighbours_of(self.loop.model, self.data))
             return rates_at(self._around[0], rows, moves, can_fault(self.loop.model))
-
-
-def _method(schedule: Schedule) -> tuple[int, int] | None:
-    return (schedule.method.order, schedule.method.looks) if schedule.tolerance else None
 
 
 def open_loop(plant: MujocoPlant, controller: Controller, settings: Settings, every: float = NEVER) -> EngineOpenLoop:
@@ -336,7 +240,6 @@ class EngineCourse:
 
 
 def _flown(flight: EngineOpenLoop, x: Array, a: Array, length: float) -> Array:
-    # adapted steps are long, and rows lie within them
     every = length / ROWS if flight.schedule.tolerance else max(length / ROWS, flight.schedule.timestep)
     record = flight.loop.run(flight.loop.data(x, a), replace(flight.schedule, events=1, record_interval=every))
     if len(record.events) != 1:

@@ -1,12 +1,11 @@
 """Simulation of a controller on the physics engine.
 
-The accuracy of a run, estimated by repeating a part of it at half the timestep or a hundredth of the tolerance.
+The accuracy of a run, estimated by repeating a part of it at half the timestep.
 
 This part is the last complete open-loop interval, from the state right after the event that begins it; if there are
 fewer than two events, it is the last second. With a method of order p the error at step h is 2^p/(2^p − 1) times the
-difference between h and h/2. Between a tolerance and a hundredth of it the difference is the error; if stability bounds
-the steps, a hundredth changes little, and :data:`FINE` is used. The estimate costs as much as two intervals of the run.
-All rows of this part are compared: what is fast errs most soon after an event, and little is left of that at the next.
+difference between h and h/2. The estimate costs as much as two intervals of the run. All rows of this part are
+compared: what is fast errs most soon after an event, and little is left of that at the next.
 
 The required step follows from the same number: errors are proportional to h^p, so :func:`choose_timestep` scales one
 measured step to the requested tolerance. The default is the timestep of the model file; the shipped ones (2 ms for the
@@ -29,9 +28,10 @@ from icmj.base.process import INTERPRETED, limit_to_one_thread
 from icmj.controller.controller import Law, has_trigger, layout_of
 from icmj.engine.closed_loop import ComposedLoop, Record, close_loop
 from icmj.engine.limits import apply_limits, find_clipped, has_limit, shares
-from icmj.engine.open_loop import EngineOpenLoop, Stepping, stepping_of
+from icmj.engine.open_loop import EngineOpenLoop
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.schedule import EVENT_TOLERANCE, METHODS, Schedule
+from icmj.engine.schedule import EVENT_TOLERANCE, Schedule
+from icmj.engine.stepping import Stepping, stepping_of
 from icmj.engine.tapped import TappedLoop, TappedRecord, close_tapped
 from icmj.errors import SimulationError
 from icmj.simulation.disturbance import collect_drives, keep_rows
@@ -41,7 +41,6 @@ from icmj.simulation.taps import copy_of, expect_no_observer, expect_readings, l
 
 ORDERS = {mujoco.mjtIntegrator.mjINT_RK4: 4}  # all other integrators are of first order in the activations
 
-FINE = 1e-10  # tolerance beside which any above 1e-8 is coarse
 SAME_ROW = 1e-10  # s between rows of one instant: counted in steps of either run, it is rounded
 SMALL = 1e-9  # departure, of the largest, below which a state is still but for rounding
 
@@ -93,9 +92,7 @@ def facts(
         "implementation": "interpreted" if INTERPRETED else "compiled",
     }
     if steps.tolerance:
-        mean = float(record.rows[-1, 0]) / max(record.steps, 1)
-        found |= {"integrator": METHODS[schedule.method.order][0], "order": schedule.method.order}
-        found |= {"tolerance": steps.tolerance, "timestep": mean}
+        found["tolerance"] = steps.tolerance
     if steps.refusal:
         found["not_adaptive"] = steps.refusal
     return found
@@ -134,7 +131,7 @@ def _over_an_interval(loop: ComposedLoop, schedule: Schedule, record: Record) ->
     own = record.rows[(record.rows[:, 0] > begin) & (record.rows[:, 0] < last[0])]
     # an event's own row is of another instant in both, by the error of the interval
     found = apart(loop, own, rows[:-1], (record.events[-1:], rows[-1:]))
-    return scale_error(loop, schedule, interval, found, stretch)
+    return scale_error(loop, interval, found, stretch)
 
 
 def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
@@ -151,13 +148,13 @@ def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Ac
     data = loop.data(start.x[0], a, float(first[0]))
     again = loop.run(data, replace(finer(schedule), t_end=float(last[0])))
     found = apart(loop, record.rows[record.rows[:, 0] > first[0]], again.rows, (last[None, :], again.rows[-1:]))
-    return scale_error(loop, schedule, float("nan"), found, stretch)
+    return scale_error(loop, float("nan"), found, stretch)
 
 
 def finer(schedule: Schedule) -> Schedule:
-    """The loop with a finer timestep or tolerance, and rows at the same instants."""
+    """The loop with half the timestep, and rows at the same instants."""
     if schedule.tolerance > 0:
-        return replace(schedule, tolerance=min(schedule.tolerance / 100, FINE))
+        return replace(schedule, timestep=schedule.timestep / 2)
     every = max(float(np.ceil(schedule.record_interval / schedule.timestep - 1e-9)), 1.0)
     return replace(schedule, timestep=schedule.timestep / 2, record_interval=every * schedule.timestep)
 
@@ -194,10 +191,10 @@ def _largest(values: Array) -> Array:
     return np.asarray(np.abs(values).max(axis=0))
 
 
-def scale_error(loop: ComposedLoop, schedule: Schedule, interval: float, found: Apart, stretch: float) -> Accuracy:
+def scale_error(loop: ComposedLoop, interval: float, found: Apart, stretch: float) -> Accuracy:
     """The error of a run from its differences to a finer one (:func:`finer`)."""
     p = order_of(loop.model)
-    scale = 1.0 if schedule.tolerance > 0 else 2**p / (2**p - 1)
+    scale = 2**p / (2**p - 1)
     largest = float(found.size.max())
     each, states = (
         scale * np.divide(error, size, out=np.zeros_like(error), where=size > SMALL * size.max(initial=0.0))
@@ -223,13 +220,13 @@ def choose_timestep(simulation: Simulation, tolerance: float) -> float:
         The timestep, at most the inverse of the loop's fastest rate, beyond which the estimate is not valid.
 
     Raises:
-        SimulationError: if the simulation was not in MuJoCo, or its steps were adapted to a tolerance.
+        SimulationError: if the simulation was not in MuJoCo, or its timestep was chosen for a tolerance.
     """
     facts = simulation.precision
     if "timestep" not in facts or "fastest_rate" not in facts:
         raise SimulationError("a timestep can only be chosen from a run on the engine")
     if "tolerance" in facts:
-        raise SimulationError("this run chose its steps itself; ask for a tolerance instead of a timestep")
+        raise SimulationError("this run's timestep was chosen for a tolerance; ask for another tolerance")
     timestep, longest = float(facts["timestep"]), 1 / float(facts["fastest_rate"])
     error, stretch = float(facts["interval_error"]), float(facts["error_stretch"])
     error = error / stretch if np.isfinite(error) and stretch > 0 else float(facts["output_error"])
@@ -255,19 +252,18 @@ def simulate(
     Args:
         plant: the actual plant.
         controller: design, hold and trigger, or any other, by its realisation (:mod:`icmj.engine.tapped`).
-        settings: duration, start, steps and disturbance; see :func:`icmj.engine.open_loop.stepping_of`.
+        settings: duration, start, steps and disturbance; see :func:`icmj.engine.stepping.stepping_of`.
         x0: plant state at t = 0 as departure from the operating point, shape (n,); replaces ``settings.initial``.
         x_o0: observer state at t = 0, shape (n̂,); replaces ``settings.observer``.
         x_h0: hold state at t = 0, shape (n̂,); x_o0 if ``None``, because t = 0 is an event.
         progress: called repeatedly with the completed fraction, 0–1.
-        error_estimate: measure the error by repeating the last interval at half the timestep, or a hundredth of the
-            tolerance.
+        error_estimate: measure the error by repeating the last interval at half the timestep.
 
     Returns:
-        The run, recorded at multiples of ``record_interval`` (of fixed steps at the first end there or later), at every
+        The run, recorded at multiples of ``record_interval`` (of a given timestep where a step ends next), at every
         event (values just before the reset), at every action and where what is given jumps (values after it), and at
         the end. ``u`` is the command −k̂x_h; ``applied`` what acts of it and the disturbance beside it. ``precision``
-        has ``integrator``, ``order``, ``timestep`` [s] (the mean, of adapted steps, with their ``tolerance``),
+        has ``integrator``, ``order``, ``timestep`` [s] (and the ``tolerance`` that it is chosen for, if it is),
         ``event_tolerance`` [s], ``interval_error`` [s], ``output_error`` (relative; both estimated over one interval),
         ``output_errors`` (of each output), ``state_error`` (largest of a state), ``steps``, ``seconds``,
         ``implementation``; where
@@ -406,7 +402,7 @@ def estimate_tapped(loop: TappedLoop, schedule: Schedule, record: TappedRecord) 
     both_switched = 0 < len(coarse.events) == len(fine.events)
     interval = abs(float(coarse.events[-1, 0] - fine.events[-1, 0])) if both_switched else float("nan")
     found = apart(loop, coarse.rows, fine.rows, (coarse.rows[-1:], fine.rows[-1:]))
-    return scale_error(loop, schedule, interval, found, end - record.stand.t)
+    return scale_error(loop, interval, found, end - record.stand.t)
 
 
 def _limits(

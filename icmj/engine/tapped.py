@@ -19,8 +19,6 @@ from icmj.base.process import defer_interrupt as unhurried
 from icmj.controller.controller import Law, has_trigger
 from icmj.engine.closed_loop import (
     CHUNK,
-    POINTS,
-    POINTS_ADAPTIVE,
     ComposedLoop,
     ExtremesTracker,
     Record,
@@ -31,11 +29,11 @@ from icmj.engine.closed_loop import (
 )
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.safety import EngineFault, words
-from icmj.engine.schedule import Recording, Schedule, fastest_rate, is_stiff, phases_of, recording
+from icmj.engine.schedule import Recording, Schedule, fastest_rate, phases_of, recording
 from icmj.simulation import ending
 from icmj.simulation.disturbance import acting_on, edges_of
 from icmj.simulation.native.loop import Status
-from icmj.simulation.settings import LEAST_TOLERANCE, Settings, points_between
+from icmj.simulation.settings import Settings, points_between
 from icmj.simulation.taps import (
     POWERS,
     History,
@@ -122,12 +120,10 @@ class TappedLoop(ComposedLoop):
         edges = points_between(self.acting.edges, self.acting.gaussian, settings.duration)
         plant = self.plant.linearisation.plant
         own = fastest_rate(plant, self.controller)
-        # what errs comes back through the taps
-        tolerance = max(tolerance / 10, LEAST_TOLERANCE) if tolerance else 0.0
         return Schedule(
             timestep=timestep, tolerance=tolerance, t_end=settings.duration, delta_min=0.0, clock=np.inf, delay=0.0,
             edges=edges, phases=phases_of(edges), record_interval=settings.record_interval,
-            limits=self.plant.limits(settings.limit), rate=max(own, self.noise), stiff=is_stiff(plant, own),
+            limits=self.plant.limits(settings.limit), rate=max(own, self.noise),
             breaks=edges_of(self.acting, self.controller),
         )  # fmt: skip
 
@@ -148,9 +144,8 @@ class TappedLoop(ComposedLoop):
         stand: Stand | None = None,
     ) -> TappedRecord:
         """Run from ``data``, which are at the run's begin or at a ``stand``, until the schedule's end or another."""
-        from icmj.engine.native.adapted_steps import AdaptedSteps
         from icmj.engine.native.memory import run_guarded
-        from icmj.engine.native.stretches import SAMPLES, compile_stretches
+        from icmj.engine.native.stretches import compile_stretches
 
         with self.ready():
             mujoco.mj_forward(self.model, data)
@@ -162,8 +157,6 @@ class TappedLoop(ComposedLoop):
         stands = [_stand(tapped, data)] * 2
         with self.ready():
             loop = self.stepper(data, schedule)
-            if isinstance(loop, AdaptedSteps):
-                loop.look(SAMPLES)
             try:
                 while status == Status.RUNNING and crowded is None:
                     try:
@@ -234,7 +227,7 @@ class TappedLoop(ComposedLoop):
             marks=np.array([-1, 0, 0, 0, 0, 0]),
             counts=np.zeros(3, np.int64),
             at=np.zeros(_SAMPLES), y=np.zeros((_SAMPLES, n_y + own_states)),
-            states=np.zeros((0 if schedule.tolerance > 0 else _SAMPLES, self.width)),
+            states=np.zeros((_SAMPLES, self.width)),
             near=np.zeros(_SAMPLES, np.int64), begin=np.zeros(self.model.nq + self.model.nv + self.model.na),
             curves=np.zeros((n_y + own_states, POWERS)), u=np.zeros((CHUNK, n_u)), mode=np.zeros(CHUNK, np.int64),
             rough=np.zeros(CHUNK),
@@ -252,8 +245,7 @@ class _Log:
         self.u = [first_command(tapped.taps, tapped.history, tapped.now)[None, :]]
         self.events: list[Array] = [np.empty((0, loop.width))]
         self._rough: list[Array] = []
-        points = POINTS_ADAPTIVE if schedule.tolerance > 0 else POINTS
-        self.tracker = ExtremesTracker(data.time, loop.y(data.sensordata), self._cuts, points)
+        self.tracker = ExtremesTracker(data.time, loop.y(data.sensordata), self._cuts)
 
     def take(self, record: Recording) -> list[float]:
         """Take over what the last stretches recorded; of those there is nothing left to take. The times of events."""
@@ -303,5 +295,6 @@ def close_tapped(plant: MujocoPlant, law: Law, settings: Settings) -> TappedLoop
     acting, errors, pushes = acting_on(plant.linearisation.plant, settings)
     inside = None if law.realisation.tapped else errors  # where the engine reads outputs, too
     model = compose(plant, law, acting, inside, pushes, settings.duration)
-    model.opt.integrator = integrator_of(plant, settings)
-    return TappedLoop(plant, law, acting, errors, pushes, model)
+    loop = TappedLoop(plant, law, acting, errors, pushes, model)
+    model.opt.integrator = integrator_of(loop, settings)
+    return loop

@@ -263,12 +263,12 @@ def _grid(settings: Settings) -> Array:
 
 def _record_steps(case: Case) -> Case:
     """The case with a row at each step of a fixed length: these end beside the multiples of its record interval."""
-    from icmj.engine.open_loop import refine
+    from icmj.engine.stepping import refine
 
     settings = case.settings
     if not isinstance(case.actual, MujocoPlant):
         return case
-    step = refine(case.actual, case.controller, settings, 1.0).timestep  # none where they are adapted to a tolerance
+    step = refine(case.actual, case.controller, settings, 1.0).timestep  # none where it is chosen for a tolerance
     if step is None or not settings.duration / MOST_ROWS <= step < settings.record_interval:
         return case
     return replace(case, settings=replace(settings, record_interval=step))

@@ -89,7 +89,7 @@ def describe(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     Raises:
         ReportError: as of :func:`build_live`.
     """
-    run, actual, settings = case.run, case.actual, case.settings
+    run, actual = case.run, case.actual
     law = case.controller
     if refusal := _refusal(case):
         raise ReportError(f"{run.path}: there is no live page of this case; {refusal}")
@@ -98,10 +98,8 @@ def describe(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     chain = None if why else links
     b = _gain(case)
     unit = replace(linear, B=linear.B / b, B_d=np.zeros((0, 0)), pushes={})
-    rate, longest = fastest_rate(linear, law), settings.timestep
-    if longest is None:
-        model = actual.model.opt.timestep if isinstance(actual, MujocoPlant) else COARSE
-        longest = min(float(model), FINE / rate)
+    rate = fastest_rate(linear, law)
+    longest = case.stepping.timestep if isinstance(actual, MujocoPlant) else min(COARSE, FINE / rate)
     acting, noise = _acting(case, linear)
     shown = quantities(linear)
     names = zip(linear.inputs, linear.input_units or ("",) * linear.n_u, strict=True)

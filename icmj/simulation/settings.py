@@ -446,9 +446,9 @@ class Settings:
             [rad or m, converted to other units of angle or length], or positions by name, each in its own unit.
             Default: 1 rad or 1 m; in plants given by matrices, positions with other units have no limit.
         disturbance: disturbances of inputs, of bodies, or of the observer's readings of outputs.
-        tolerance: relative error of an open-loop interval to which the steps in MuJoCo are adapted. Default, if neither
-            timestep nor integrator is given: 10⁻⁸ if no contact, friction or limit can act; else the timestep of the
-            model.
+        tolerance: relative error of an open-loop interval for which the timestep in MuJoCo is chosen. Default, if
+            neither timestep nor integrator is given: 10⁻⁸ if no contact, friction or limit can act; else the timestep
+            of the model.
 
     Raises:
         SimulationError: on construction, if a number is out of range, or the run would have too many rows.

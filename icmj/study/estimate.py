@@ -178,7 +178,7 @@ def _rate(case: Case) -> float:
 
 
 def _timestep(case: Case) -> float:
-    """The largest time step in MuJoCo [s], or stretch; if steps are adapted, approximately."""
+    """The largest time step in MuJoCo [s], or stretch."""
     longest = np.inf if has_trigger(case.controller) else 0.5 / _rate(case)
     # no step goes across a bend of noise
     bends = (noise.interval for noise in case.settings.disturbance if isinstance(noise, Gridded))

@@ -7,7 +7,7 @@ from numpy.polynomial import Polynomial
 from icmj import load_run, prepare
 from icmj.case.case import simulate as run_case
 from icmj.engine.closed_loop import POINTS, ExtremesTracker
-from icmj.engine.native.adaptive import extremes
+from icmj.engine.native.extremes import extremes
 
 
 def signal(t: np.ndarray) -> np.ndarray:
@@ -56,7 +56,7 @@ def test_a_jump_at_an_event_cuts_nothing_whatever_its_last_bit() -> None:
     t = 3.6 + np.linspace(0, 0.3, 61)
     y = np.column_stack([np.cos(4 * (t - 3.605))])  # highest between the first two samples and the third
     for jump in (np.nextafter(3.6, 4), np.nextafter(3.6, 3), 3.6):
-        tracker = ExtremesTracker(t[0], y[0], lambda start, end, at=jump: np.array([at]), 8)
+        tracker = ExtremesTracker(t[0], y[0], lambda start, end, at=jump: np.array([at]))
         tracker.add(t[1:], y[1:], np.array([59]))
         assert tracker.result()[0][0, 0] == pytest.approx(1.0, abs=1e-10)
 

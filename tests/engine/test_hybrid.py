@@ -47,7 +47,7 @@ def test_where_the_sway_is_small_it_is_the_linear_plant(name, timestep) -> None:
 )
 @pytest.mark.parametrize(("timestep", "bound"), [(None, 1e-6), (0.001, 1e-9)])
 def test_the_intermittent_controller_is_what_the_event_loops_give(file, timestep, bound) -> None:
-    """Adapted steps end elsewhere, so events differ by the tolerance; fixed ones by little more than rounding."""
+    """Steps that are chosen are others, so events differ by the tolerance; given ones by little more than rounding."""
     case = icmj.prepare(icmj.load_run(file).with_(**{"simulation.duration": 6.0, "simulation.timestep": timestep}))
     x, a = start_states(case.actual.linearisation.plant, case.controller, case.settings, None, None, None)
     one = icmj.simulate(case, "mujoco")
@@ -60,12 +60,12 @@ def test_the_intermittent_controller_is_what_the_event_loops_give(file, timestep
 
 def test_a_tighter_tolerance_converges() -> None:
     times = []
-    for tolerance in (1e-5, 1e-7, 1e-9):
+    for tolerance in (1e-7, 1e-9, 1e-11):  # looser ones take the longest step that a stretch has
         settings = Settings(duration=3.0, tolerance=tolerance)
         times.append(icmj.simulate_plant(body(), law("hysteresis"), settings, x0=START).events.t)
     assert len({len(t) for t in times}) == 1
     assert np.abs(times[1] - times[2]).max() <= max(0.1 * np.abs(times[0] - times[2]).max(), 1e-9)
-    assert np.abs(times[1] - times[2]).max() < 1e-6
+    assert np.abs(times[0] - times[2]).max() < 1e-6
 
 
 def test_errors_of_readings_reach_every_path() -> None:

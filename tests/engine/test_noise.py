@@ -75,7 +75,7 @@ def test_event_times_converge_at_fourth_order(kind: Kind) -> None:
 
 
 @KINDS
-def test_adaptive_steps_keep_to_their_tolerance(kind: Kind) -> None:
+def test_chosen_steps_keep_to_their_tolerance(kind: Kind) -> None:
     exact = run(kind=kind, timestep=2.5e-4).events.t
     for tolerance in (1e-5, 1e-8):
         times = run(kind=kind, tolerance=tolerance).events.t

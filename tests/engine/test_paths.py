@@ -117,11 +117,11 @@ def test_random_chains_have_the_same_intervals_whatever_steps_them(tmp_path: Pat
             continue
         departures = {}
         for q_t in (1e-2, 1e-3):
-            adapted, fixed, half, linear = flights(case, q_t)
+            chosen, fixed, half, linear = flights(case, q_t)
             # the tolerance is what is stated of the one, Richardson's difference of the other
-            stated = 1e-8 * adapted.length * max(touch, 1.0) + 2 * abs(fixed.length - half.length) + 1e-12
-            assert abs(adapted.length - fixed.length) <= 10 * stated, seed
-            departures[q_t] = abs(adapted.length - linear.length) / linear.length
+            stated = 1e-8 * chosen.length * max(touch, 1.0) + 2 * abs(fixed.length - half.length) + 1e-12
+            assert abs(chosen.length - fixed.length) <= 10 * stated, seed
+            departures[q_t] = abs(chosen.length - linear.length) / linear.length
         # second order in the threshold: a hundredth where it is a tenth, and nothing where both are rounding
         assert departures[1e-2] < 0.2, seed
         assert departures[1e-3] < departures[1e-2] / 30 + 1e-6, seed
@@ -137,12 +137,12 @@ def test_chains_with_several_predictions_under_way_move_the_same_whatever_steps_
     for q_t in (1e-2, 1e-3):
         control, x, x_o, _ = case.sized(q_t)
         settings = Settings(duration=0.8, limit=1e3)
-        adapted = simulate(case.body, control, settings, x0=x, x_o0=x_o)
+        chosen = simulate(case.body, control, settings, x0=x, x_o0=x_o)
         fixed = simulate(case.body, control, replace(settings, timestep=TIMESTEP), x0=x, x_o0=x_o)
         linear = simulate_linear(case.body.linearisation.plant, control, settings, x0=x, x_o0=x_o)
         size = np.abs(linear.x).max(axis=0)
-        assert (np.abs(adapted.x[-1] - fixed.x[-1]) < 1e-6 * size).all()
-        departures.append(float((np.abs(adapted.x[-1] - linear.x[-1]) / size).max()))
+        assert (np.abs(chosen.x[-1] - fixed.x[-1]) < 1e-6 * size).all()
+        departures.append(float((np.abs(chosen.x[-1] - linear.x[-1]) / size).max()))
     assert departures[1] < departures[0] / 30 + 1e-6
 
 
@@ -159,14 +159,14 @@ def test_what_is_sampled_late_has_the_same_events_whatever_steps_it(root: Path, 
         tables = {f"simulation.{key}": value for key, value in settings.items()}
         return icmj.simulate(revise(case, case.run.with_(**tables)), plant)
 
-    adapted, fixed, half, linear = found(), found(timestep=1e-3), found(timestep=5e-4), found("linear")
+    chosen, fixed, half, linear = found(), found(timestep=1e-3), found(timestep=5e-4), found("linear")
     t = fixed.events.t
     assert len(t) >= 2
-    assert len(adapted.events) == len(t)
+    assert len(chosen.events) == len(t)
     stated = np.exp(3.2 * t) * (1e-8 * t + 1e-12) + 2 * np.abs(t - half.events.t)
-    assert (np.abs(adapted.events.t - t) <= 10 * stated).all()
-    assert abs(adapted.events.t[0] - linear.events.t[0]) < 0.02 * linear.events.t[0]
-    for run in (adapted, fixed, linear):
+    assert (np.abs(chosen.events.t - t) <= 10 * stated).all()
+    assert abs(chosen.events.t[0] - linear.events.t[0]) < 0.02 * linear.events.t[0]
+    for run in (chosen, fixed, linear):
         assert np.diff(run.events.t, prepend=-0.07).min() >= max(delta_min, 0.07 + delay) - 1e-9
 
 
@@ -189,12 +189,12 @@ def test_shipped_cases_have_the_same_events_whatever_steps_them(path: Path, shap
         tables = {f"simulation.{key}": value for key, value in settings.items()}
         return icmj.simulate(revise(case, case.run.with_(**tables)), "mujoco").events.t
 
-    adapted, fixed, half = events(), events(timestep=1e-3), events(timestep=5e-4)
+    chosen, fixed, half = events(), events(timestep=1e-3), events(timestep=5e-4)
     linear = icmj.simulate(case, "linear").events.t
     assert len(fixed) >= 2
-    assert len(adapted) == len(fixed)
+    assert len(chosen) == len(fixed)
     growth = np.exp(3.2 * fixed)  # the fastest pole of the bodies is at 3.1 rad/s
     stated = growth * (1e-8 * fixed + 1e-12) + 2 * np.abs(fixed - half)
-    assert (np.abs(adapted - fixed) <= 10 * stated).all()
+    assert (np.abs(chosen - fixed) <= 10 * stated).all()
     # the first event of all, before the bodies' nonlinearity has grown; leans are of 0.02 rad
-    assert abs(adapted[0] - linear[0]) < 0.02 * linear[0]
+    assert abs(chosen[0] - linear[0]) < 0.02 * linear[0]

@@ -229,7 +229,7 @@ def test_a_constant_push_agrees_with_dop853_on_the_engine():
 
 
 def test_the_return_map_under_a_constant_push_has_the_derivative_of_its_differences():
-    """Steps of the adaptive loop, the course along them and the rates around it see the same force."""
+    """Steps of the loop, the course along them and the rates around it see the same force."""
     body, control = plant("three_link", 0.9), controller("three_link", 1e-3)
     step = Step(body="trunk", force=(0.05, 0, 0), point=(0, 0, 0.3))
     settings = Settings(duration=3.0, disturbance=(step, Step("hip_torque", 0.002)), tolerance=1e-11)

@@ -502,7 +502,7 @@ def test_named_starts_and_errors() -> None:
         simulate(actual, control, Settings(duration=1.0, timestep=2.0))
 
 
-@pytest.mark.parametrize("steps", [{"timestep": 2e-3}, {"tolerance": 1e-8}], ids=["fixed", "adapted"])
+@pytest.mark.parametrize("steps", [{"timestep": 2e-3}, {"tolerance": 1e-8}], ids=["given", "chosen"])
 def test_what_begins_at_the_end_but_for_rounding_begins_at_the_end(steps) -> None:
     """0.3 and 3 · 0.1 are one instant: the run has one last row, at its duration."""
     actual, control = plant("three_link", 0.9), controller("three_link")

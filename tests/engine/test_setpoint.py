@@ -122,7 +122,7 @@ def test_a_crossing_at_the_instant_of_a_step_is_judged_after_it(way, size, root)
     for events in found:
         assert len(events) == len(found[0])
         assert events == pytest.approx(found[0], abs=1e-11)
-    # later than that, the event is first; adapted steps that end at the edge give it otherwise in the last digits
+    # later than that, the event is first; steps that end at the edge give it otherwise in the last digits
     assert play(event + 1e-10, size)[1] == pytest.approx(event, abs=1e-11)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from engine_cases import MODELS
 from model_cases import BIASED, MOTOR, MUSCLE, RICH, SERVO, pendulum, two, written
+from scipy.integrate import solve_ivp
 
 from icmj import Controller, EventTrigger, LinearPlant, MujocoPlant, Settings, design_lq, load_plant, system_matched
 from icmj.engine.block import Slot, Stages, block_of, may_constrain, stages_of
@@ -88,11 +89,10 @@ def test_the_fewest_stages_give_the_engine_s_own_rates_and_steps_bit_for_bit(tmp
         with isolate_engine(*callbacks()):
             mujoco.mj_forward(model, data)
             engine = engine_of(model, data, block.header[Slot.PHASE : Slot.PHASE + 1])
-            whole = engine._replace(stages=int(stages))  # RK4 on quaternions is MuJoCo's own
             for _ in range(5):
                 moved(data, rng)
                 mujoco.mj_copyData(other, model, data)
-                flow_of(whole)
+                flow_of(engine)
                 mujoco.mj_forward(model, other)
                 for field in ("qacc", "act_dot", "ctrl", "sensordata"):
                     np.testing.assert_array_equal(getattr(data, field), getattr(other, field), err_msg=name)
@@ -104,8 +104,43 @@ def test_the_fewest_stages_give_the_engine_s_own_rates_and_steps_bit_for_bit(tmp
             progress[0]["end"] = progress[0]["length"] = h
             one(engine, progress, h)
             mujoco.mj_RungeKutta(model, other, 4)
-        for field in ("qpos", "qvel", "act"):
+        for field in ("qpos", "qvel", "act") if model.nq == model.nv else ():
             np.testing.assert_array_equal(getattr(data, field), getattr(other, field), err_msg=name)
+
+
+def test_a_step_of_a_ball_joint_errs_by_the_fifth_power_of_its_length(tmp_path: Path) -> None:
+    """Against DOP853 on ``mj_forward``; quaternions are four numbers."""
+    free = RICH.replace('type="ball" damping="0.3"', 'type="ball"')  # which would be as fast as 700/s
+    model = composed(load_plant(written(tmp_path, free), keyframe="up"))
+    block, one = block_of(model), compiled()[1]
+    assert block is not None
+    assert model.nq == model.nv + 1
+    data, start = mujoco.MjData(model), mujoco.MjData(model)
+    moved(start, np.random.default_rng(3))
+    nq, nv, turn = model.nq, model.nv, int(model.jnt_qposadr[np.argmax(model.jnt_type == mujoco.mjtJoint.mjJNT_BALL)])
+    first = int(model.jnt_dofadr[np.argmax(model.jnt_type == mujoco.mjtJoint.mjJNT_BALL)])
+
+    def rates(t: float, s: np.ndarray) -> np.ndarray:
+        data.time, data.qpos[:], data.qvel[:], data.act[:] = t, s[:nq], s[nq : nq + nv], s[nq + nv :]
+        data.qpos[turn : turn + 4] /= np.linalg.norm(data.qpos[turn : turn + 4])
+        mujoco.mj_forward(model, data)
+        spin = np.zeros(4)  # q' = q ω/2, in the frame of what turns
+        mujoco.mju_mulQuat(spin, np.array(s[turn : turn + 4]), np.append(0.0, data.qvel[first : first + 3]) / 2)
+        others = np.concatenate([data.qvel[:first], data.qvel[first + 3 :]])
+        return np.concatenate([others[:turn], spin, others[turn:], data.qacc, data.act_dot])
+
+    begin, errors = np.concatenate([start.qpos, start.qvel, start.act]), []
+    with isolate_engine(*callbacks()):
+        for h in (0.004, 0.002, 0.001):
+            exact = solve_ivp(rates, (0, h), begin, "DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+            mujoco.mj_copyData(data, model, start)
+            mujoco.mj_forward(model, data)
+            progress = np.zeros(1, PROGRESS)
+            progress[0]["end"] = progress[0]["length"] = model.opt.timestep = h
+            one(engine_of(model, data, block.header[Slot.PHASE : Slot.PHASE + 1]), progress, h)
+            errors.append(np.abs(np.concatenate([data.qpos, data.qvel, data.act]) - exact).max())
+            assert abs(np.linalg.norm(data.qpos[turn : turn + 4]) - 1) < 1e-15
+    assert (np.log2(np.array(errors[:-1]) / errors[1:]) > 4.8).all()
 
 
 def test_nothing_can_constrain_where_everything_that_could_is_off() -> None:

@@ -151,7 +151,7 @@ def test_other_integrators_converge_with_theirs(integrator: str) -> None:
 
 @pytest.mark.parametrize("law", [CONTINUOUS, HOMOGENEOUS])
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
-def test_adapted_steps_keep_their_tolerance(law, tolerance: float) -> None:
+def test_chosen_steps_keep_their_tolerance(law, tolerance: float) -> None:
     settings = Settings(duration=4.0, record_interval=0.05)
     oracle = swinging(law, START, settings).run(4.0)
     run = simulate(person(), law, replace(settings, tolerance=tolerance), x0=START)
@@ -323,7 +323,7 @@ def test_a_body_on_a_floor_gets_its_pressure() -> None:
 
 @pytest.mark.parametrize("more", [1e-4, 0.004, 0.03, 0.2])
 @pytest.mark.parametrize("law", [pid(), SWITCHING], ids=["delayed", "switched"])
-@pytest.mark.parametrize(("steps", "near"), [(STEPS, 2e-3), ({"tolerance": 1e-9}, 1e-2)], ids=["fixed", "adapted"])
+@pytest.mark.parametrize(("steps", "near"), [(STEPS, 2e-3), ({"tolerance": 1e-9}, 1e-2)], ids=["given", "chosen"])
 def test_a_fall_within_the_last_stretch_is_where_it_is_in_a_longer_run(law, steps, near, more) -> None:
     """Where a stretch is to end changes neither when it falls, to a step or sample, nor that the last row shows it."""
     settings = Settings(duration=5.0, limit=0.12, disturbance=(Step("ankle", 80.0, 0.05),), **steps)

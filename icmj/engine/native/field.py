@@ -451,30 +451,6 @@ def place(engine):  # type: ignore[no-untyped-def]
 
 
 @exact
-def look(engine):  # type: ignore[no-untyped-def]
-    """Compute the outputs at the engine's state, and nothing else."""
-    if engine.stages == _WHOLE:
-        forward(engine.model, engine.data)
-        return
-    _kinematics(engine.model, engine.data)
-    _com_pos(engine.model, engine.data)
-    if engine.cameras:
-        _camlight(engine.model, engine.data)
-    if engine.tendons:
-        _tendon(engine.model, engine.data)
-    moving = engine.block[Slot.STAGE] >= _VELOCITY
-    if engine.stages != _PLAIN:
-        _transmission(engine.model, engine.data)
-        if moving:
-            _fwd_velocity(engine.model, engine.data)
-    elif moving:
-        _com_vel(engine.model, engine.data)
-    _sense_positions(engine.model, engine.data)
-    if moving:
-        _sense_velocities(engine.model, engine.data)
-
-
-@exact
 def drive(engine):  # type: ignore[no-untyped-def]
     """Compute what depends on the controller's state, after the stages of positions and velocities."""
     b, time = engine.block, engine.time[0]

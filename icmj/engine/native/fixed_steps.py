@@ -18,9 +18,9 @@ from icmj.base.array import Array
 from icmj.base.process import SWITCH
 from icmj.base.roots import ONE_INSTANT, one
 from icmj.engine.block import Block, Slot, Stages, block_of
-from icmj.engine.native.adaptive import roots, stepper_of
 from icmj.engine.native.field import drive, flow, forward
 from icmj.engine.native.memory import (
+    address,
     bare,
     compiled,
     engine_function,
@@ -46,6 +46,7 @@ from icmj.engine.native.state import (
     engine_of,
     fire,
     new_progress,
+    note_row,
     note_step,
     plan_of,
     progress_at,
@@ -54,7 +55,7 @@ from icmj.engine.native.state import (
     tick,
 )
 from icmj.engine.safety import can_fault
-from icmj.engine.schedule import EVENT_TOLERANCE, Recording, Schedule, tableau
+from icmj.engine.schedule import EVENT_TOLERANCE, Recording, Schedule, row_after
 from icmj.errors import ModelError
 from icmj.simulation.native.loop import (
     ARRIVED,
@@ -73,6 +74,7 @@ from icmj.simulation.native.loop import sources as sources_of_loop
 
 
 _euler, _implicit, _mj_step = (engine_function(f"mj_{name}") for name in ("Euler", "implicit", "step"))
+_normalize_quat = engine_function("mj_normalizeQuat", "void(intp, intp)")
 _runge_kutta = engine_function("mj_RungeKutta", "void(intp, intp, int32)")
 
 _WHOLE = int(Stages.WHOLE)
@@ -91,9 +93,23 @@ def save(engine):  # type: ignore[no-untyped-def]
 
 @exact
 def keep_rates(engine, k):  # type: ignore[no-untyped-def]
-    """Save (qvel, qacc, act_dot) at the engine's state."""
-    at = 0
-    for part in (engine.qvel, engine.qacc, engine.act_dot):
+    """Save the rates of (qpos, qvel, act) at the engine's state; a quaternion is four numbers like any other."""
+    at = len(engine.qpos)
+    if len(engine.quaternions) == 0:
+        for i in range(at):
+            k[i] = engine.qvel[i]
+    else:
+        for i in range(len(engine.scalars)):
+            k[engine.scalars[i, 0]] = engine.qvel[engine.scalars[i, 1]]
+        for i in range(len(engine.quaternions)):
+            q, v = engine.quaternions[i, 0], engine.quaternions[i, 1]
+            w, x, y, z = engine.qpos[q], engine.qpos[q + 1], engine.qpos[q + 2], engine.qpos[q + 3]
+            a, b, c = engine.qvel[v], engine.qvel[v + 1], engine.qvel[v + 2]
+            k[q] = 0.5 * (-x * a - y * b - z * c)
+            k[q + 1] = 0.5 * (w * a - z * b + y * c)
+            k[q + 2] = 0.5 * (z * a + w * b - x * c)
+            k[q + 3] = 0.5 * (-y * a + x * b + w * c)
+    for part in (engine.qacc, engine.act_dot):
         for i in range(len(part)):
             k[at + i] = part[i]
         at += len(part)
@@ -111,28 +127,32 @@ def _restore(engine, progress):  # type: ignore[no-untyped-def]
 
 @compiled
 def _lean_runge_kutta(engine, progress, length, end):  # type: ignore[no-untyped-def]
-    """mj_RungeKutta from the saved state, and the rates at its end: the same operations in the same order.
+    """The classical Runge–Kutta step from the saved state, and the rates at its end.
 
-    For hinges and slides, whose positions move as vectors do.
+    For hinges and slides, whose positions move as vectors do, it is mj_RungeKutta: the same operations in the same
+    order. A quaternion is four numbers that move so, too, and are then brought back to unit length.
     """
     k, saved = engine.k, engine.saved
-    nv, na = len(engine.qvel), len(engine.act)
+    nq, nv, na = len(engine.qpos), len(engine.qvel), len(engine.act)
     for stage in range(1, 5):
         sum = engine.sum
-        for i in range(2 * nv + na):
+        for i in range(nq + nv + na):
             if stage < 3:
                 sum[i] = k[stage - 1, i] * 0.5
             elif stage == 3:
                 sum[i] = k[2, i]
             else:
                 sum[i] = k[0, i] * (1 / 6) + k[1, i] * (1 / 3) + k[2, i] * (1 / 3) + k[3, i] * (1 / 6)
-        for i in range(nv):
+        for i in range(nq):
             engine.qpos[i] = saved[i] + sum[i] * length
-            engine.qvel[i] = saved[nv + i] + sum[nv + i] * length
+        for i in range(nv):
+            engine.qvel[i] = saved[nq + i] + sum[nq + i] * length
         for i in range(na):
-            engine.act[i] = saved[2 * nv + i] + sum[2 * nv + i] * length
+            engine.act[i] = saved[nq + nv + i] + sum[nq + nv + i] * length
         if stage == 4:
             engine.time[0] = end
+            if len(engine.quaternions) > 0:
+                _normalize_quat(engine.model, address(engine.qpos))
         else:
             engine.time[0] = progress[0].begin + (0.5 * length if stage < 3 else length)
         flow(engine)
@@ -143,7 +163,7 @@ def _lean_runge_kutta(engine, progress, length, end):  # type: ignore[no-untyped
 @exact
 def undo(engine, progress):  # type: ignore[no-untyped-def]
     """Make the next step start from the saved state; steps of :func:`_lean_runge_kutta` do so anyway."""
-    if engine.integrator != RK4 or engine.stages == _WHOLE:
+    if not engine.lean:
         _restore(engine, progress)
         forward(engine.model, engine.data)
 
@@ -153,7 +173,7 @@ def step(engine, progress, length):  # type: ignore[no-untyped-def]
     """One step of the length given from the saved state, and the forward pass at its end."""
     # not the sum that the engine keeps: its rounding errors add up over many equal steps
     end = progress[0].end if length == progress[0].length else progress[0].begin + length
-    if engine.integrator == RK4 and engine.stages != _WHOLE:
+    if engine.lean:
         _lean_runge_kutta(engine, progress, length, end)
         return
     engine.timestep[0] = length
@@ -348,6 +368,8 @@ def search(engine, progress, rule, rate, length):  # type: ignore[no-untyped-def
 
 
 _RUNNING, _FELL = int(Status.RUNNING), int(Status.FELL)
+_NEAR = 1e-9  # of a step, within which a row is where the step ends
+_row_after = compiled(row_after)
 
 
 @merged
@@ -386,13 +408,37 @@ class Fixed(NamedTuple):
     record: Recording
 
 
+@compiled
+def _rows_within(engine, progress, plan, record, length):  # type: ignore[no-untyped-def]
+    """Rows that are due in the step to come, each by a shorter step of its own from where that begins.
+
+    What the step does, and what is sampled, does not depend on them.
+    """
+    begin, last = progress[0].begin, progress[0].begin + length - _NEAR * plan.timestep
+    while progress[0].next_row < last and record.count[1] + 2 < len(record.rows):
+        t = progress[0].next_row
+        step(engine, progress, t - begin)
+        if standing(engine, plan) != _RUNNING:  # what comes of it is seen where the step ends
+            return
+        engine.time[0] = t
+        note_row(engine, record)
+        progress[0].next_row = _row_after(t, plan.record_interval, plan.breaks)
+
+
+@exact
+def _take_back(engine, progress, plan, record, first):  # type: ignore[no-untyped-def]
+    """Rows from the number ``first`` on that an event is earlier than, or no later."""
+    while record.count[1] > first and record.rows[record.count[1] - 1, 0] > engine.time[0] - _NEAR * plan.timestep:
+        record.count[1] -= 1
+
+
 @merged
 def _travel(f):  # type: ignore[no-untyped-def]
     """One step, or the part of it until an event."""
     engine, plan, rule, progress = f.engine, f.plan, f.rule, f.progress
     time, has_rule = engine.time, len(rule.now) > 0
     t = time[0]
-    if progress[0].left == 0:
+    if progress[0].left == 0 or len(f.record.rows) - f.record.count[1] < plan.most:
         return _RUNNING
     progress[0].left -= 1
     if progress[0].stale == STALE:
@@ -414,12 +460,17 @@ def _travel(f):  # type: ignore[no-untyped-def]
         save(engine)
         progress[0].begin = t
         progress[0].end = target if lands else progress[0].grid + (progress[0].steps + 1) * plan.timestep
+        first = f.record.count[1]
+        if plan.tolerance > 0:
+            _rows_within(engine, progress, plan, f.record, length)
         step(engine, progress, length)
         fired = _fired(engine, progress, rule, plan.rate, length, armed)
         if fired and lands and target - ONE_INSTANT <= time[0] < target:  # where something else is due
             undo(engine, progress)
             step(engine, progress, length)
             evaluate(rule)
+        if fired:
+            _take_back(engine, progress, plan, f.record, first)
         lands = lands and time[0] >= target
         copy(rule.now, rule.before)
     if fired or lands:
@@ -478,8 +529,6 @@ class FixedSteps:
     between, to a 64th of the step (:func:`search`); the event is then located by repeating the step, shortened.
     """
 
-    adaptive = False
-
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, schedule: Schedule, qpos_0: Array) -> None:
         """Allocate the work arrays, and start.
 
@@ -493,7 +542,7 @@ class FixedSteps:
         plan = plan_of(schedule, qpos_0, model)
         self._progress = new_progress()
         rule = rule_of(block, data, schedule)
-        self._run = engine_of(model, data, phase, self.adaptive), plan, rule, self._progress
+        self._run = engine_of(model, data, phase, schedule.tolerance > 0), plan, rule, self._progress
         self._faulty = can_fault(model)
         self.begin()
         _verify(data, block)
@@ -508,8 +557,8 @@ class FixedSteps:
 
     @property
     def parts(self) -> tuple[Any, ...]:
-        """Engine, plan, rule, progress, and what adapted steps need, for another loop over them."""
-        return *self._run, stepper_of(self._model, self._run[1].qpos_0, tableau(8)), roots()
+        """Engine, plan, rule and progress, for another loop over them."""
+        return self._run
 
     @property
     def faulty(self) -> bool:

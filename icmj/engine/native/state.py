@@ -1,6 +1,6 @@
 """Data of the flows of the engine: its memory, the plan of a run, the event rule, and the run's progress.
 
-With it, what fixed and adapted steps do alike: check the plant, record rows, apply maps, and the verbs of
+With it, what all flows do alike: check the plant, record rows, apply maps, and the verbs of
 :mod:`icmj.simulation.native.loop` that do not step; and the rates of the closed loop at many states and at neighbours
 of each, as one compiled function.
 """
@@ -29,7 +29,7 @@ from icmj.engine.native.memory import (
     run_guarded,
     sources,
 )
-from icmj.engine.schedule import Schedule, round_step, row_after
+from icmj.engine.schedule import Schedule, row_after
 from icmj.simulation.native.loop import EDGE, PLANNED, TICK, Status, is_due, next_event, plan_after, take_action
 
 RK4, EULER, IMPLICIT, WHOLE_STEP = 0, 1, 2, 3
@@ -54,9 +54,6 @@ PROGRESS = np.dtype([
     ("begin", float),        # where the step under way begins [s]
     ("end", float),          # where it ends, if it is taken whole [s]
     ("length", float),       # its whole length [s]
-    ("next_step", float),    # of an adaptive loop: the length to try next [s]
-    ("first_step", float),   # the length to try after an event [s]
-    ("fresh", np.int64),     # whether no step has been taken since the last event
     ("source", np.int64),    # of the compiled code; see icmj.engine.native.memory.sources
 ])  # fmt: skip
 """How far a run has come; one record."""
@@ -70,7 +67,9 @@ class Engine(NamedTuple):
     the moments about the degrees of freedom, ``moment_at`` (motor, degree of freedom) of each, ``gain`` the motors'
     gains. ``applied`` are the generalised forces of pushes, ``rownnz``, ``rowadr``, ``column`` and ``value`` the
     moments of all actuators. ``waves`` holds the signals of disturbance, errors and pushes, and of what time and phase
-    time they are. ``k`` holds (qvel, qacc, act_dot) at the stages of an integrator's step.
+    time they are. A step is a ``lean`` one where Runge and Kutta's stages are called here; ``k`` holds the rates of
+    (qpos, qvel, act) at them. ``scalars`` are (address in qpos, address in qvel) of hinges, slides and translations,
+    ``quaternions`` those of rotations.
     """
 
     model: Any
@@ -87,6 +86,7 @@ class Engine(NamedTuple):
     phase: Array
     saved: Array
     stages: int
+    lean: bool
     cameras: bool
     tendons: bool
     rows_need_forward: bool
@@ -109,6 +109,8 @@ class Engine(NamedTuple):
     waves: Array
     k: Array
     sum: Array
+    scalars: np.ndarray
+    quaternions: np.ndarray
     first: int
 
 
@@ -116,7 +118,8 @@ class Plan(NamedTuple):
     """A :class:`icmj.engine.schedule.Schedule`, with the limits at which the plant has fallen.
 
     ``wait`` is the least time from one event until the rule is watched again; the last of ``edges`` and ``breaks`` is
-    infinite; ``delay`` is, under a clock, exactly a multiple of its interval where it is nearly one.
+    infinite; ``delay`` is, under a clock, exactly a multiple of its interval where it is nearly one; ``most`` is the
+    room that rows of one step may take.
     """
 
     timestep: float
@@ -136,6 +139,7 @@ class Plan(NamedTuple):
     departure: Array
     hinges: bool
     tolerance: float
+    most: int
 
 
 class Rule(NamedTuple):
@@ -164,8 +168,8 @@ class Rule(NamedTuple):
     queue: Array
 
 
-def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, adaptive: bool = False) -> Engine:
-    """Views of a model and its data, which must outlive them.
+def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, smooth: bool = False) -> Engine:
+    """Views of a model and its data, which must outlive them; of a motion known to be ``smooth`` rates are enough.
 
     Raises:
         ModelError: if MuJoCo's structs do not lie in memory as they are declared.
@@ -175,6 +179,9 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, adaptive
     motors = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)[:-1]  # the last is the controller
     at = int(model.numeric_adr[-1])
     controller = model.numeric_data[at : at + int(model.numeric_size[-1])]
+    stages = stages_of(model) if smooth or integrator == RK4 else Stages.WHOLE
+    scalars, quaternions = _find_turns(model)
+    size = model.nq + model.nv + model.na
     return Engine(
         **handles._asdict(),
         integrator=integrator,
@@ -185,8 +192,9 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, adaptive
         warmstart=data.qacc_warmstart,
         phase=phase,
         saved=np.empty(model.nq + 2 * model.nv + model.na),
-        # the engine's other integrators read more of what a forward pass leaves, and turn quaternions their own way
-        stages=int(stages_of(model) if adaptive or (integrator == RK4 and model.nq == model.nv) else Stages.WHOLE),
+        # the engine's other integrators read more of what a forward pass leaves
+        stages=int(stages),
+        lean=bool(integrator == RK4 and (stages != Stages.WHOLE or smooth)),
         cameras=bool(model.ncam),
         tendons=bool(model.ntendon),
         rows_need_forward=rows_need_forward(model),
@@ -207,10 +215,27 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, adaptive
         column=data.moment_colind,
         value=data.actuator_moment,
         waves=np.full(int(controller[Slot.SIGNALS]) + 2, np.nan),
-        k=np.empty((4, 2 * model.nv + model.na)),
-        sum=np.empty(2 * model.nv + model.na),
+        k=np.empty((4, size)),
+        sum=np.empty(size),
+        scalars=scalars,
+        quaternions=quaternions,
         first=int(controller[Slot.ACT]),
     )
+
+
+def _find_turns(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
+    """(address in qpos, address in qvel) of what moves as vectors do, and of each quaternion."""
+    scalars, quaternions = [], []
+    for kind, q, v in zip(model.jnt_type, model.jnt_qposadr, model.jnt_dofadr, strict=True):
+        free = mujoco.mjtJoint(kind) == mujoco.mjtJoint.mjJNT_FREE
+        if free:
+            scalars += [(q + i, v + i) for i in range(3)]
+        if free or mujoco.mjtJoint(kind) == mujoco.mjtJoint.mjJNT_BALL:
+            quaternions.append((q + 3 * free, v + 3 * free))
+        else:
+            scalars.append((q, v))
+    single, quadruple = (np.array(found, dtype=np.int64).reshape(-1, 2) for found in (scalars, quaternions))
+    return single, quadruple
 
 
 def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> Plan:
@@ -233,6 +258,7 @@ def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> Plan:
         departure=np.zeros(model.nv),
         hinges=bool(model.nq == model.nv),
         tolerance=float(schedule.tolerance),
+        most=4 + (int(min(schedule.timestep / schedule.record_interval, 1e9)) if schedule.tolerance > 0 else 0),
     )
 
 
@@ -265,13 +291,10 @@ def new_progress() -> Any:
 
 def progress_at(t: float, schedule: Schedule, plan: Plan, rule: Rule, progress: Any) -> None:
     """Set record and agenda to the beginning of a run, or a flight, right after an event at ``t``."""
-    step = round_step(schedule.first_step)
     values = dict.fromkeys(PROGRESS.names or (), 0) | {
         **dict.fromkeys(("grid", "begin", "end"), t),
         "stale": RESTARTED,
         "next_row": row_after(t, plan.record_interval, plan.breaks),
-        **dict.fromkeys(("next_step", "first_step"), step),
-        "fresh": 1,
     }
     if INTERPRETED:
         revise(progress, **values)
@@ -304,7 +327,7 @@ def neighbours_of(model: mujoco.MjModel, data: mujoco.MjData) -> Engine:
     """The data of :func:`rates_at` for a composed model and its data, which must outlive them."""
     block = block_of(model)
     assert block is not None
-    return engine_of(model, data, block.header[Slot.PHASE : Slot.PHASE + 1], adaptive=True)
+    return engine_of(model, data, block.header[Slot.PHASE : Slot.PHASE + 1], smooth=True)
 
 
 @cache
@@ -477,7 +500,7 @@ def _jump(engine, rule, edge):  # type: ignore[no-untyped-def]
     return found
 
 
-# verbs of :mod:`icmj.simulation.native.loop`, the same for fixed and adapted steps
+# verbs of :mod:`icmj.simulation.native.loop`, the same for all flows
 
 
 @exact

@@ -12,7 +12,7 @@ What the engine passes of outputs (and states of the controller) on the way is m
 read later, and in which guards and faces are looked for: through values at nodes, each by a polynomial of degree seven
 through the samples around it, with an error of order eight in their spacing.
 
-A fall is noticed where a step ends, or at samples and rows of an adapted one.
+A fall is noticed where a step ends.
 
 Recurring arguments are those of :mod:`icmj.engine.native.state` and :mod:`icmj.simulation.taps`; reader and track.
 """
@@ -30,8 +30,6 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.base.roots import ONE_INSTANT, evaluate
 from icmj.engine.block import Slot, Stages
-from icmj.engine.native.adapted_steps import _fly
-from icmj.engine.native.adaptive import get, pass_at, put
 from icmj.engine.native.field import flow, forward
 from icmj.engine.native.fixed_steps import save, step
 from icmj.engine.native.memory import address, bare, compiled, engine_function, entry, exact, merged, sources
@@ -118,7 +116,7 @@ class Track(NamedTuple):
             (S, n_y + N_a).
         begin: the engine's state at its begin.
         curves: polynomials of outputs and the controller's states, shape (n_y + N_a, p + 1).
-        states: of fixed steps, the engine's rows there, shape (S, width); (0, width) of adapted ones.
+        states: the engine's rows there, shape (S, width).
         near: numbers of the samples that are read, shape (S,).
         u, mode: at the rows, shapes (capacity, n_u), (capacity,).
         rough: instants at which something is not smooth, shape (capacity,).
@@ -138,6 +136,27 @@ class Track(NamedTuple):
     rough: Array
 
 
+@exact
+def _get(engine, state):  # type: ignore[no-untyped-def]
+    """Copy the engine's state (qpos, qvel, act)."""
+    at = 0
+    for part in (engine.qpos, engine.qvel, engine.act):
+        for i in range(len(part)):
+            state[at + i] = part[i]
+        at += len(part)
+
+
+@exact
+def _put(engine, state, t):  # type: ignore[no-untyped-def]
+    """Move the engine to a state and a time."""
+    at = 0
+    for part in (engine.qpos, engine.qvel, engine.act):
+        for i in range(len(part)):
+            part[i] = state[at + i]
+        at += len(part)
+    engine.time[0] = t
+
+
 @compiled
 def _sample(engine, reader, track, t):  # type: ignore[no-untyped-def]
     """Take a sample of the outputs at the engine's state; where there is no more room, every second one goes."""
@@ -147,7 +166,7 @@ def _sample(engine, reader, track, t):  # type: ignore[no-untyped-def]
             track.at[i] = track.at[2 * i]
             for j in range(track.y.shape[1]):
                 track.y[i, j] = track.y[2 * i, j]
-            for j in range(track.states.shape[1] if len(track.states) > 0 else 0):
+            for j in range(track.states.shape[1]):
                 track.states[i, j] = track.states[2 * i, j]
         k //= 2
     track.at[k] = t
@@ -156,30 +175,13 @@ def _sample(engine, reader, track, t):  # type: ignore[no-untyped-def]
         track.y[k, i] = reader.gain[i] * engine.sensordata[reader.entries[i]] + reader.offset[i]
     for i in range(track.y.shape[1] - n_y):
         track.y[k, n_y + i] = engine.act[engine.first + i]
-    if len(track.states) > 0:
-        row = track.states[k]
-        row[0], j = t, 1
-        for part in (engine.qpos, engine.qvel, engine.act, engine.sensordata):
-            for i in range(len(part)):
-                row[j + i] = part[i]
-            j += len(part)
+    row = track.states[k]
+    row[0], j = t, 1
+    for part in (engine.qpos, engine.qvel, engine.act, engine.sensordata):
+        for i in range(len(part)):
+            row[j + i] = part[i]
+        j += len(part)
     track.marks[2] = k + 1
-
-
-@compiled
-def _take(reader, track, record, first):  # type: ignore[no-untyped-def]
-    """The samples that an adapted step has left in the record, from the one of this number on."""
-    for j in range(first, record.count[0]):
-        k = track.marks[2]
-        if k < len(track.at) - 1:  # one is kept for the stretch's end
-            track.at[k] = record.dense[j, 0]
-            n_y = len(reader.entries)
-            for i in range(n_y):
-                track.y[k, i] = reader.gain[i] * record.dense[j, 1 + reader.entries[i]] + reader.offset[i]
-            own = track.y.shape[1] - n_y
-            for i in range(own):
-                track.y[k, n_y + i] = record.dense[j, record.dense.shape[1] - own + i]
-            track.marks[2] = k + 1
 
 
 @compiled
@@ -322,7 +324,7 @@ def _start(engine, plan, record, taps, history, now, reader, track):  # type: ig
         longest = min(longest, t + len(record.dense) // 4 * plan.record_interval)
         level, end = open_stretch(taps, history, now, t, longest, level)
         _install(engine, taps, now, reader)
-        get(engine, track.begin)
+        _get(engine, track.begin)
     else:
         level, end, guard = foresee(taps, history, now, t, longest, level)
         powers = int(b[Slot.POWERS])
@@ -352,7 +354,7 @@ def _command(taps, now, track, record):  # type: ignore[no-untyped-def]
 
 @compiled
 def _rows(engine, plan, progress, record, track):  # type: ignore[no-untyped-def]
-    """Rows of fixed steps that are due before the stretch's last sample; whether there was room for all of them."""
+    """Rows that are due before the stretch's last sample; whether there was room for all of them."""
     count = _choose(track)
     while progress[0].next_row < track.at[track.marks[2] - 1] - ONE_INSTANT:
         if record.count[1] + 2 > len(record.rows):
@@ -380,7 +382,7 @@ def _turns_back(engine, progress, record, taps, now, track):  # type: ignore[no-
         return False
     record.count[0], record.count[1], progress[0].next_row = track.marks[4], track.marks[5], track.t[3]
     track.t[1], track.marks[1], track.marks[2], track.marks[3] = crossing, _FLYING, 0, _RUNNING
-    put(engine, track.begin, t)
+    _put(engine, track.begin, t)
     return True
 
 
@@ -417,20 +419,16 @@ def _finish(engine, plan, progress, record, taps, history, now, reader, track, s
 
 
 @compiled
-def _depart(engine, plan, progress, stepper, record, reader, track):  # type: ignore[no-untyped-def]
+def _depart(engine, plan, progress, record, reader, track):  # type: ignore[no-untyped-def]
     """The rates where a stretch begins, or begins again, and the row that is due there.
 
     The command jumps there, or is another polynomial.
     """
-    adaptive = plan.tolerance > 0
-    if adaptive:
-        pass_at(engine, stepper)
-    elif engine.stages == _WHOLE:
+    if engine.stages == _WHOLE:
         forward(engine.model, engine.data)
     else:
         flow(engine)
-    if not adaptive:
-        progress[0].grid, progress[0].steps = engine.time[0], 0
+    progress[0].grid, progress[0].steps = engine.time[0], 0
     _sample(engine, reader, track, engine.time[0])
     if progress[0].next_row <= engine.time[0] + ONE_INSTANT and progress[0].next_row < track.t[1] - ONE_INSTANT:
         note_row(engine, record)
@@ -447,8 +445,6 @@ class Stretches(NamedTuple):
     plan: Plan
     rule: Rule
     progress: Any
-    stepper: Any
-    roots: Any
     record: Recording
     taps: Taps
     history: History
@@ -465,9 +461,9 @@ class Stretches(NamedTuple):
 @merged
 def _travel(f):  # type: ignore[no-untyped-def]
     """One stretch, or as much of it as there is room for."""
-    engine, plan, progress, stepper, record = f.engine, f.plan, f.progress, f.stepper, f.record
+    engine, plan, progress, record = f.engine, f.plan, f.progress, f.record
     taps, history, now, reader, track = f.taps, f.history, f.now, f.reader, f.track
-    time, status, adaptive = engine.time, _RUNNING, plan.tolerance > 0
+    time, status = engine.time, _RUNNING
     if track.marks[1] == _BETWEEN:
         track.counts[2] -= 1
         if track.counts[2] < 0 or time[0] >= f.until:
@@ -485,7 +481,7 @@ def _travel(f):  # type: ignore[no-untyped-def]
         _start(engine, plan, record, taps, history, now, reader, track)
         track.t[3], track.marks[4], track.marks[5] = progress[0].next_row, record.count[0], record.count[1]
         if track.t[1] > track.t[0]:
-            _depart(engine, plan, progress, stepper, record, reader, track)
+            _depart(engine, plan, progress, record, reader, track)
     t = track.t[0]
     while True:
         end = track.t[1]
@@ -498,26 +494,20 @@ def _travel(f):  # type: ignore[no-untyped-def]
                 break
             progress[0].length = end - time[0]
             record.count[3] += 1
-            if adaptive:
-                first = record.count[0]
-                _, status = _fly(engine, plan, f.rule, stepper, f.roots, progress, record, end, np.inf)
-                _take(reader, track, record, first)
-            else:
-                lands = end - time[0] <= most * (1 + 1e-9)
-                save(engine)
-                progress[0].begin, progress[0].length = time[0], end - time[0] if lands else most
-                progress[0].end = end if lands else progress[0].grid + (progress[0].steps + 1) * most
-                step(engine, progress, progress[0].length)
-                progress[0].steps += 1
+            lands = end - time[0] <= most * (1 + 1e-9)
+            save(engine)
+            progress[0].begin, progress[0].length = time[0], end - time[0] if lands else most
+            progress[0].end = end if lands else progress[0].grid + (progress[0].steps + 1) * most
+            step(engine, progress, progress[0].length)
+            progress[0].steps += 1
             if not reader.joint:
                 _command(taps, now, track, record)
-            status = standing(engine, plan) if status == _RUNNING else status
+            status = standing(engine, plan)
             if status in (_RUNNING, _FELL):
                 _sample(engine, reader, track, time[0])
             if status != _RUNNING or time[0] >= end:
                 break
-            due = adaptive and time[0] >= progress[0].next_row - 1e-9 * plan.timestep
-            note(engine, progress, plan, record, False, due)
+            note(engine, progress, plan, record, False, False)
             if not reader.joint:
                 _command(taps, now, track, record)
         if track.marks[1] == _FLYING:
@@ -539,12 +529,12 @@ def _travel(f):  # type: ignore[no-untyped-def]
                     # what has been flown again is known to end here
                     if track.marks[0] < 0 and _turns_back(engine, progress, record, taps, now, track):
                         status = _RUNNING
-                        _depart(engine, plan, progress, stepper, record, reader, track)
+                        _depart(engine, plan, progress, record, reader, track)
                         if track.t[1] > t:
                             continue
                         track.marks[1], end = _ENDING, t
         break
-    if not adaptive and end > t and not _rows(engine, plan, progress, record, track):
+    if end > t and not _rows(engine, plan, progress, record, track):
         return _RUNNING
     _command(taps, now, track, record)
     status = _finish(engine, plan, progress, record, taps, history, now, reader, track, track.marks[3])
@@ -583,11 +573,11 @@ def compile_stretches() -> Any:
     source = sources() + sources_of_loop()
 
     @entry
-    def march(engine, plan, rule, progress, stepper, roots, record, taps, history, now, reader, track, until):  # type: ignore[no-untyped-def]
+    def march(engine, plan, rule, progress, record, taps, history, now, reader, track, until):  # type: ignore[no-untyped-def]
         progress[0].source = source
         track.counts[2] = _CELLS
         flow = Stretches(
-            bare(engine), bare(plan), bare(rule), bare(progress), bare(stepper), bare(roots), bare(record),
+            bare(engine), bare(plan), bare(rule), bare(progress), bare(record),
             taps, history, now, reader, track, until, bare(engine).time, bare(plan).edges, reader.levels, plan.t_end,
         )  # fmt: skip
         return _run(flow)

@@ -20,12 +20,12 @@ Instants are compared in seconds, never as fractions of a step, which are rounde
 each other are one, because sums of intervals are rounded, too. What is reached less than that before an instant at
 which something is due is reached there, after it. A rule that is watched from an instant on is judged at that instant.
 Every number that decides is a function of state and time alone, so neither the rows asked for nor the size of a buffer
-changes a bit of the motion, but where a step of adapted length would not find room for its rows.
+changes a bit of the motion, but where a step would not find room for its rows.
 
 A flow is a module with the verbs below, which the loop calls with the flow's own data, whatever these are. There are
-two kinds for each plant: a quick one for an observer with a hold and an event rule (:mod:`icmj.linear.native.pieces`;
-:mod:`icmj.engine.native.fixed_steps` and :mod:`icmj.engine.native.adapted_steps`), and one for any controller, which
-goes by stretches (:mod:`icmj.linear.native.stretches`, :mod:`icmj.engine.native.stretches`, and for both
+two kinds for each plant: a quick one for an observer with a hold and an event rule (:mod:`icmj.linear.native.pieces`,
+:mod:`icmj.engine.native.fixed_steps`), and one for any controller, which goes by stretches
+(:mod:`icmj.linear.native.stretches`, :mod:`icmj.engine.native.stretches`, and for both
 :mod:`icmj.simulation.native.taps`).
 
 ===================== ==================================================================================================
@@ -78,9 +78,7 @@ class Status(IntEnum):
     """The engine did."""
     REACHED = 5
     """As many events as were asked for."""
-    COLLAPSED = 6
-    """No step was short enough for the tolerance."""
-    STALLED = 7
+    STALLED = 6
     """The modes of the controller switch to and fro at one instant."""
 
 
