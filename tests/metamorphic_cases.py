@@ -330,13 +330,14 @@ def _share(series: icmj.Series, rows: slice) -> str:
 
     A mean over n rows changes by 1/n of the largest thing that it is a mean of; what is a mean of squares, or a root,
     or follows from a spectrum, by some such shares of its own size: :data:`SHARES` of them, as of a motion that grows
-    by this factor over the record.
+    by this factor over the record. The share of the power below a median frequency changes by as much.
     """
     part = replace(series, t=series.t[rows], values=series.values[rows])
-    one, other = (measure_sway(of).coordinates for of in (series, part))
+    whole, rest = measure_sway(series), measure_sway(part)
+    one, other = whole.coordinates, rest.coordinates
     share = SHARES * (len(series) - len(part)) / len(part)
     spacing = 2 / (series.t[-1] - series.t[0])  # of the spectrum's lines, which are as fine as its windows are long
-    for a, b in zip(one, other, strict=True):
+    for place, (a, b) in enumerate(zip(one, other, strict=True)):
         path = np.abs(np.diff(series[a.name])).max() / (series.t[1] - series.t[0])
         for name, first, second, size in (
             ("mean", a.mean, b.mean, a.range),
@@ -344,11 +345,26 @@ def _share(series: icmj.Series, rows: slice) -> str:
             ("mean distance", a.mean_distance, b.mean_distance, a.range),
             ("speed", a.speed, b.speed, path),
             ("mean frequency", a.frequencies.mean, b.frequencies.mean, a.frequencies.mean + spacing),
-            ("median frequency", a.frequencies.median, b.frequencies.median, a.frequencies.median + spacing),
         ):
             if np.isnan(first) != np.isnan(second) or abs(first - second) > share * size:
                 return f"{name} of {a.name} is {first:.6g} of all rows and {second:.6g} of all but {len(series)}"
+        below = _power_below(whole.spectrum.frequency, whole.spectrum.power[:, place], b.frequencies.median)
+        still = np.isnan(a.frequencies.median) and np.isnan(b.frequencies.median)
+        if not (still or abs(below - 0.5) <= share):
+            return (
+                f"of the power of {a.name}, {below:.4f} lies below its median frequency of all rows but {len(series)}"
+            )
     return ""
+
+
+def _power_below(frequency: np.ndarray, power: np.ndarray, edge: float) -> float:
+    """The share of the power of a spectrum below a frequency, by trapezoids as :func:`frequencies` counts it.
+
+    A median is judged by it: where it lies between two peaks, far apart as the lines of a short record are, it moves
+    by much when half of the power moves by little.
+    """
+    below = np.concatenate([[0.0], np.cumsum(np.diff(frequency) * (power[1:] + power[:-1]) / 2)])
+    return float(np.interp(edge, frequency, below / below[-1])) if below[-1] > 0 else float("nan")
 
 
 def _measured(drawn: Drawn, rng: random.Random, plant: str) -> str:

@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array
+from icmj.base.array import Array, steps_in
 from icmj.base.numbers import Card, WithCard
 from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.errors import AnalysisError, DataError
@@ -142,8 +142,10 @@ def _respond_delayed(controller: Law, f: Array) -> tuple[np.ndarray, np.ndarray]
 
 
 FEWEST = 2  # periods: with one nothing tells noise from response
-_OFF = 1e-6  # share of a stimulus's power that may lie off its lines: rounding of a file
-_WHOLE = 1e-3  # of a sample: how far a period may be from a whole number of them
+_NONE = 1e-6  # share of a stimulus's power that is none, at one line or off the lines
+_OFF = 0.05  # that may lie off the lines of a recorded stimulus, of noise and rounding; the bound is ours
+_WHOLE = 1e-3  # of a sample: how far a period may be from a whole number of them without resampling
+_SHORT = 0.25  # of a sample that a record may be short of a whole number of periods
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -162,6 +164,8 @@ class Multisine(WithCard):
         excited: whether the stimulus contains each of these lines, shape (K,), bool.
         stimulus_power: mean square of the stimulus at the excited lines [unit²], shape (L,).
         unit: unit of the response.
+        off_lines: share of the stimulus's power that is not at the excited lines. What the signal makes of it counts
+            as remnant.
     """
 
     line: Array
@@ -174,6 +178,7 @@ class Multisine(WithCard):
     excited: np.ndarray
     stimulus_power: Array
     unit: str
+    off_lines: float = 0.0
 
     @property
     def remnant(self) -> float:
@@ -220,7 +225,8 @@ def multisine(
 ) -> Multisine:
     """The response of a signal to a periodic stimulus, and its remnant, in one trial or several.
 
-    The last whole periods of each trial are used. For the confidence, periods are assumed to be independent.
+    The last whole periods of each trial are used. For the confidence, periods are assumed to be independent. A record
+    whose clock gives a period no whole number of samples is resampled to one.
 
     Args:
         trials: series that contain both signals, with their units.
@@ -249,13 +255,13 @@ def multisine(
         raise DataError("trials differ in rate or number of periods; analyse those that agree together")
     if whole[-1] >= length / 2:
         raise DataError(f"a line of {whole[-1] / period:g} Hz is not below half the rate, {length / period / 2:g} Hz")
-    ratios, products, powers, of_stimulus = [], [], [], []
+    ratios, products, powers, of_stimulus, off = [], [], [], [], []
     excited = np.zeros(P * length // 2, dtype=bool)
     excited[P * whole - 1] = True
     for one, _ in both:
         folded = np.fft.rfft(one.values.reshape(P, length, 2), axis=1)[:, whole] / length
         spectrum = _power(one.values)
-        _see_lines(spectrum[:, 0], excited, stimulus, period)
+        off.append(_see_lines(spectrum[:, 0], excited, stimulus, period))
         powers.append(spectrum[:, 1])
         of_stimulus.append(spectrum[excited, 0])
         ratios.append(folded[:, :, 1] / folded[:, :, 0])
@@ -273,6 +279,7 @@ def multisine(
         excited=excited,
         stimulus_power=np.mean(of_stimulus, axis=0),
         unit=f"{units[1]}/({units[0]})" if " " in units[0] else f"{units[1]}/{units[0]}",
+        off_lines=float(np.mean(off)),
     )
 
 
@@ -284,16 +291,27 @@ def _whole_periods(pair: Series, period: float) -> tuple[Series, int]:
     pair = even_series(pair)
     step = float(pair.t[-1] - pair.t[0]) / (len(pair) - 1)
     length = round(period / step)
-    if abs(length - period / step) > _WHOLE or length < 4:
+    if length < 4:
         raise DataError(
-            f"a period of {period:g} s has {period / step:.6g} samples of {step:.6g} s; expected a whole number, "
-            "resample the record"
+            f"a period of {period:g} s has {period / step:.3g} samples of {step:.6g} s; expected at least 4"
         )
+    if abs(length - period / step) > _WHOLE:
+        pair = _fit_samples(pair, period, step, length)
     P = len(pair) // length
     if P < FEWEST:
         raise DataError(f"{P} whole periods of {period:g} s in {len(pair) * step:.4g} s; expected at least {FEWEST}")
     values = pair.values[len(pair) - P * length :]
     return Series(pair.t[: len(values)], values - values.mean(axis=0), pair.names, pair.units), length
+
+
+def _fit_samples(pair: Series, period: float, step: float, length: int) -> Series:
+    """The whole periods up to the end of a record, at even times of which each has so many."""
+    from scipy.interpolate import CubicSpline
+
+    # a record that ends a part of a sample too early, as one of another clock does, is continued by this much
+    count = steps_in((len(pair) + _SHORT) * step / period) * length
+    t = pair.t[-1] + step - period / length * np.arange(count, 0, -1)
+    return replace(pair, t=t, values=CubicSpline(pair.t, pair.values)(t))
 
 
 def _power(values: Array) -> Array:
@@ -305,15 +323,21 @@ def _power(values: Array) -> Array:
     return np.asarray(power[: N // 2], float)
 
 
-def _see_lines(power: Array, excited: np.ndarray, stimulus: str, period: float) -> None:
+def _see_lines(power: Array, excited: np.ndarray, stimulus: str, period: float) -> float:
+    """The share of a stimulus's power off its lines.
+
+    Raises:
+        DataError: if there is none at one of them, or more than noise and rounding leave off them.
+    """
     whole = float(power.sum())
-    if not power[excited].min() > _OFF * whole / max(int(excited.sum()), 1):
+    if not power[excited].min() > _NONE * whole / max(int(excited.sum()), 1):
         raise DataError(f"{stimulus}: has no power at one of the lines; are period and lines those of the stimulus?")
     if (off := float(power[~excited].sum()) / whole) > _OFF:
         raise DataError(
             f"{stimulus}: {100 * off:.2g} % of its power is off the lines, so that it is not periodic in {period:g} s; "
             "give its period and all its lines"
         )
+    return off
 
 
 def _radius(g: np.ndarray) -> Array:
@@ -336,6 +360,12 @@ def _coherence(c: np.ndarray) -> Array:
 _STARTS = ((1.3, 0.35, 0.12, 0.5), (1.3, 0.35, 0.2, 0.9), (1.1, 0.5, 0.08, 0.2))  # of K_p/mgh, K_d/K_p, τ, W
 
 
+CHANNEL_NUMBERS = ("P", "D", "delay", "weight of the surface")
+_ENDS = np.array([1e-2, 1e-3, 0.0, -0.5]), np.array([20.0, 5.0, 0.6, 1.5])  # of K_p/mgh, K_d/K_p [s], τ [s], W
+_LOGS = np.array([True, True, False, False])  # of which are sought on a logarithmic scale
+_AT_END = 1e-3  # of a range, which is at its end; fits leave bounds that they would cross by far less
+
+
 @dataclass(frozen=True)
 class StanceChannels:
     """A one-link person with independent sensory channels.
@@ -350,6 +380,7 @@ class StanceChannels:
             weight 1 − W.
         half_widths: half the widths of the 95 % confidence intervals of P, D, delay and weight, shape (4,), from a fit;
             ``None`` otherwise.
+        doubts: of a fit, which numbers are at an end of the range sought, or have an interval that is wider than it.
     """
 
     inertia: float
@@ -361,6 +392,7 @@ class StanceChannels:
     delay: float = 0.0
     weight: float = 1.0
     half_widths: Array | None = field(default=None, compare=False)
+    doubts: tuple[str, ...] = field(default=(), compare=False)
 
     def response(self, frequency: ArrayLike) -> np.ndarray:
         """Response of the angle of the body in space to that of the surface at frequencies [Hz], complex."""
@@ -406,7 +438,7 @@ def fit_channels(body: StanceChannels, frequency: ArrayLike, response: ArrayLike
         difference = (of(numbers).response(f) - measured) * weight
         return np.concatenate([difference.real, difference.imag])
 
-    bounds = ([np.log(1e-2), np.log(1e-3), 0.0, -0.5], [np.log(20.0), np.log(5.0), 0.6, 1.5])
+    bounds = tuple(np.where(_LOGS, np.log(np.where(_LOGS, end, 1.0)), end) for end in _ENDS)
     starts = [np.array([np.log(p), np.log(d), delay, share]) for p, d, delay, share in _STARTS]
     exact: dict[str, Any] = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14, "x_scale": [0.3, 0.3, 0.05, 0.2]}
     found = [least_squares(left, start, bounds=bounds, **exact) for start in starts]
@@ -419,4 +451,22 @@ def fit_channels(body: StanceChannels, frequency: ArrayLike, response: ArrayLike
     # P is exp(p) and D is exp(d) P, up to constants
     slopes = np.array([[fitted.P, 0, 0, 0], [fitted.D, fitted.D, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     deviation = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
-    return replace(fitted, half_widths=stdtrit(len(residual) - 4, 0.975) * deviation)
+    half = stdtrit(len(residual) - 4, 0.975) * deviation
+    near = np.minimum(best.x - bounds[0], bounds[1] - best.x) < _AT_END * (bounds[1] - bounds[0])
+    return replace(fitted, half_widths=half, doubts=_doubt(near, half, body.toppling, fitted.P))
+
+
+def _doubt(near: np.ndarray, half: Array, toppling: float, P: float) -> tuple[str, ...]:
+    """What of a fit is at an end of its range, or as uncertain as before."""
+    said = []
+    if near.any():
+        said.append(f"{_join(near)} {'is' if near.sum() == 1 else 'are'} at an end of the range sought")
+    units = np.array([toppling, P, 1.0, 1.0])
+    wide = ~(2 * half <= (_ENDS[1] - _ENDS[0]) * units)  # an open interval, too
+    if wide.any():
+        said.append(f"the interval of {_join(wide)} is as wide as the range sought, or wider")
+    return tuple(said)
+
+
+def _join(which: np.ndarray) -> str:
+    return " and ".join(name for name, one in zip(CHANNEL_NUMBERS, which, strict=True) if one)

@@ -325,6 +325,7 @@ def _solve(X: Array, y: Array) -> Array:
     return np.asarray(np.linalg.pinv(X.T @ X, rcond=1e-12, hermitian=True) @ (X.T @ y))
 
 
+EARLIEST = -0.1  # s: of a reaction time, as noise may move that of an immediate one
 FEWEST = 4  # pairs, to fit a model to
 _PASSES, _SETTLED = 12, 0.02  # of moving times and fitting in turn; rows by which times still move on average
 _TEMPLATES, _TRIED = 4, 12  # pairs that a first model is fitted to, and pairs that it is tried on
@@ -379,7 +380,7 @@ def reconstruct_steps(
     response: StepResponse | FittedResponse | None = None,
     order: tuple[int, int] | None = None,
     rate: float | None = None,
-    earliest: float = -0.1,
+    earliest: float = EARLIEST,
     latest: float = 1.0,
     worth: float = 0.5,
 ) -> Reconstruction:

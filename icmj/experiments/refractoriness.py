@@ -305,6 +305,7 @@ KINDS = {
 }
 MARGIN = 10.0  # of Bayes' criterion: very strong evidence by Kass and Raftery's (1995) scale
 FEWEST_PAIRS = 12  # pairs
+_TICKS = 3  # resolutions that the interval of a clock has at least: a spread of a row or two is that of reading times
 _FREEDOMS, _GRID, _PHASES = (4.0, 100.0), 48, 64
 
 
@@ -341,7 +342,8 @@ def explain_reactions(isi: ArrayLike, rt: ArrayLike, resolution: float) -> Expla
         isi: inter-step interval of each pair [s], shape (P,).
         rt: reaction times to first and second step [s], shape (P, 2). Pairs with NaN are left out, and so are pairs
             whose RT1 is far from the others (see :func:`icmj.refractoriness`).
-        resolution: accuracy of the reaction times [s], such as the sampling interval: the smallest scale of the noise.
+        resolution: accuracy of the reaction times [s], such as the sampling interval: the smallest scale of the noise,
+            and a third of the shortest interval of a clock.
 
     Raises:
         DataError: if shapes do not fit together, or there are too few pairs.
@@ -431,6 +433,8 @@ class Reactions:
             else f"no refractory period above {self.refractory.isi.min():.3g} s"
         )
         kind, pairs = _CLASSIFIED.get(self.explanation.kind, self.explanation.kind), int(self.refractory.count.sum())
+        if self.explanation.kind == "clock":
+            kind = f"{kind}, with an interval of {self.explanation.parameters['clock']['D']:.3g} s"
         return f"classified as {kind}; {refractory}, from {pairs} pairs of steps"
 
 
@@ -458,7 +462,7 @@ def _best(kind: str, freedom: float, isi: Array, rt: Array, resolution: float) -
     """The largest log-likelihood of a kind, and the numbers that have it."""
     from scipy.optimize import minimize
 
-    durations = np.geomspace(max(2 * resolution, 0.02), 1.5, _GRID)
+    durations = np.geomspace(max((_TICKS if kind == "clock" else 2) * resolution, 0.02), 1.5, _GRID)
     starts: list[dict[str, float]] = [{}]
     if kind != "continuous":
         starts = [{"D": D} for D in durations]
@@ -507,7 +511,8 @@ def _likelihood(
     kind: str, freedom: float, numbers: Mapping[str, float], isi: Array, rt: Array, resolution: float
 ) -> float:
     scale, D, d_s = numbers["scale"], numbers.get("D", 1.0), numbers.get("d_s", 0.0)
-    if scale < resolution / 2 or D <= 0 or not 0 <= d_s < D:
+    least = _TICKS * resolution if kind == "clock" else 0.0
+    if scale < resolution / 2 or D <= 0 or least > D or not 0 <= d_s < D:
         return -np.inf
     if kind != "clock":
         left = (rt - numbers["c"] - _course(kind, numbers, isi)) / scale

@@ -34,7 +34,7 @@ from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import ground_force, reaction
 from icmj.errors import DataError, IcmjError
 from icmj.experiments.quiet_standing import Finding, Recording, Standing, keep_complete, quiet_standing, sway_numbers
-from icmj.experiments.reconstruction import Reconstruction, reconstruct_steps
+from icmj.experiments.reconstruction import EARLIEST, Reconstruction, reconstruct_steps
 from icmj.experiments.refractoriness import DIRECTIONS, Explanation, Reactions, Refractoriness, analyse_reactions
 from icmj.runfile.experiment_tables import DoubleStepTable, ExperimentFile, QuietStandingTable
 from icmj.runfile.schema import RunFile
@@ -89,6 +89,14 @@ class Experiment:
                 return told
         known = ", ".join(f"{told.case}.{told.plant}" for told in self.found)
         raise DataError(f"no case {name!r} in the experiment; expected one of {known}")
+
+
+HALF = 0.5  # share explained below which a fit is told as none
+
+
+def say_first(doubts: Sequence[str], words: str) -> str:
+    """Words on a result, after what speaks against it."""
+    return f"Not to be relied on: {'; '.join(doubts)}. {words}" if doubts else words
 
 
 class Kind(ABC):
@@ -272,11 +280,13 @@ class FoundDoubleStep:
         directions: results of each direction that has enough pairs, by name.
         pooled: result of all pairs; ``None`` if the directions differ.
         seen: the first trial as it was reconstructed.
+        doubts: why reaction times may be none, said first.
     """
 
     directions: Mapping[str, Reactions]
     pooled: Reactions | None
     seen: Reconstruction
+    doubts: tuple[str, ...] = ()
 
     @property
     def refractory(self) -> Refractoriness | None:
@@ -305,6 +315,10 @@ class FoundDoubleStep:
 
     @property
     def words(self) -> str:
+        return say_first(self.doubts, self._result)
+
+    @property
+    def _result(self) -> str:
         if self.pooled is None:
             each = " ".join(f"{name[:1].upper()}{name[1:]}: {one.words}." for name, one in self.directions.items())
             return f"The two directions differ. {each}"
@@ -321,6 +335,25 @@ class FoundDoubleStep:
             *([("", self.pooled)] if self.pooled else []),
             *((f"{name}, ", of) for name, of in self.directions.items()),
         ]
+
+
+AT_END = 0.05  # share of reaction times at an end of their range that is told; the bound is ours
+
+
+def _doubts(seen: Sequence[Reconstruction], latest: float) -> tuple[str, ...]:
+    """Why reaction times may be none: many at an end of the range sought, or a model that explains too little."""
+    said, explained = [], np.concatenate([one.explained for one in seen])
+    late = np.concatenate([((one.rt < EARLIEST + one.step) | (one.rt > latest - one.step)).ravel() for one in seen])
+    if (share := float(late.mean())) > AT_END:
+        said.append(
+            f"{100 * share:.0f} % of the reaction times are at an end of the range sought, {EARLIEST:g} to {latest:g} s"
+        )
+    if (little := int((explained < HALF).sum())) > len(explained) / 2:
+        said.append(
+            f"the linear model explains less than half of the control around {little} of {len(explained)} pairs, "
+            "which are left out"
+        )
+    return tuple(said)
 
 
 def _prefix(prefix: str, named: Mapping[str, Any]) -> dict[str, Any]:
@@ -384,7 +417,7 @@ class DoubleStepKind(Kind):
                 directions[name] = analyse_reactions(isi[of], rt[of], step, table.shortest)
         agree = len(directions) < len(DIRECTIONS) or directions[DIRECTIONS[0]].agrees(directions[DIRECTIONS[1]])
         pooled = analyse_reactions(isi, rt, step, table.shortest) if agree else None
-        return FoundDoubleStep(directions, pooled, seen[0])
+        return FoundDoubleStep(directions, pooled, seen[0], _doubts(seen, table.latest))
 
     def drawn(self, found: Sequence[CaseResult]) -> Figure:
         from icmj.report.findings import double_step_figure

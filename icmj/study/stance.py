@@ -21,7 +21,14 @@ from icmj.controller.controller import has_trigger
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import ground_force, reaction
 from icmj.errors import AnalysisError, DataError
-from icmj.experiments.multisine import Multisine, StanceChannels, fit_channels, frequency_response, multisine
+from icmj.experiments.multisine import (
+    CHANNEL_NUMBERS,
+    Multisine,
+    StanceChannels,
+    fit_channels,
+    frequency_response,
+    multisine,
+)
 from icmj.experiments.quiet_standing import (
     IntersectionPoint,
     Recording,
@@ -39,13 +46,14 @@ from icmj.series.units import in_si
 from icmj.simulation.disturbance import LOW_PASS_END, ternary_lines
 from icmj.simulation.settings import Gaussian, Noise, Sinusoids, Source
 from icmj.simulation.simulation import Simulation
-from icmj.study.kind import CaseResult, Kind, cut_recording, sample_rows, set_duration
+from icmj.study.kind import HALF, CaseResult, Kind, cut_recording, sample_rows, say_first, set_duration
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STIMULUS, RESPONSE = "stimulus", "response"
 LEAST = 0.01  # %: a smaller share of the power is called so
+NOTHING = 1e-6  # share of a stimulus's power off its lines that is not told: rounding of a file
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +123,8 @@ class FoundMultisine:
         remnant = f"less than {LEAST:g} %" if share < LEAST else f"{share:.3g}{sure} %"
         said = f"{remnant} of the power is at frequencies that the stimulus does not contain; the best linear model "
         said = f"{said}explains {100 * found.explained():.3g} %, over {found.periods} periods."
+        if found.off_lines > NOTHING:
+            said += f" {100 * found.off_lines:.2g} % of the stimulus's power is off its lines, and counts as remnant."
         return f"{said[0].upper()}{said[1:]}"
 
 
@@ -287,7 +297,7 @@ class FoundStance(FoundMultisine):
         """Name, unit, value and half the width of the 95 % confidence interval of each fitted number."""
         c = self.channels
         assert c is not None
-        names = (("P", "N m/rad"), ("D", "N m s/rad"), ("delay", "s"), ("weight of the surface", ""))
+        names = zip(CHANNEL_NUMBERS, ("N m/rad", "N m s/rad", "s", ""), strict=True)
         widths = np.full(4, np.nan) if c.half_widths is None else c.half_widths
         values = (c.P, c.D, c.delay, c.weight)
         return [(*name, value, float(half)) for name, value, half in zip(names, values, widths, strict=True)]
@@ -301,7 +311,10 @@ class FoundStance(FoundMultisine):
             low, middle, high = (f"{each:.3g}" for each in (value - half, value, value + half))
             interval = "" if low == high else f" ({low} to {high})"
             fitted.append(f"{name} {middle}{interval} {unit}".rstrip())
-        return f"{super().words} Fitted channels, with 95 % intervals: {', '.join(fitted)}."
+        share = self.measured.explained(self.theory)
+        little = (f"the fitted channels explain {100 * share:.3g} % of the power",) if not share >= HALF else ()
+        said = f"{super().words} Fitted channels, with 95 % intervals: {', '.join(fitted)}."
+        return say_first((*self.channels.doubts, *little), said)
 
 
 class PerturbedStanceKind(Kind):
