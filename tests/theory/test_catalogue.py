@@ -1,9 +1,11 @@
 """The catalogue of orbits: one for each crossing at ±1, each judged by what the exact simulator does beside it."""
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from catalogue import check_orbits
 from theory_cases import pendulum, started_beside
 
 from icmj import EventTrigger, LinearPlant, Prediction, design_lq, measure, predict
@@ -77,6 +79,16 @@ def test_every_orbit_of_the_catalogue_is_judged_as_runs_beside_it_go():
             if returns and measure(run, T_hat=system.T_hat).kind == "cycle":
                 assert beside(found, measure(run, T_hat=system.T_hat)).orbit is one.orbit
     assert min(seen.values()) >= 2, seen
+
+
+@pytest.mark.slow
+def test_orbits_of_loops_of_every_kind_are_judged_as_runs_beside_them_go():
+    """With any hold, delay and rule; ``python -m tests.catalogue`` looks at a thousand."""
+    rows = [row for number in range(40) for row in check_orbits(700, number)]
+    told = Counter((str(row["verdict"]), str(row["judged"])) for row in rows)
+    assert not [row for row in rows if row["judged"] == "differs"]
+    assert min(told[verdict, "agrees"] for verdict in ("attracting", "repelling", "family")) >= 3, told
+    assert sum(row["judged"] == "unclear" for row in rows) <= len(rows) / 10, told
 
 
 def test_the_threshold_scales_every_orbit():
