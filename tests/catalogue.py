@@ -27,10 +27,21 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from theory_cases import whole
 
-from icmj import BoxTrigger, Controller, EventTrigger, LinearPlant, Prediction, Settings, Simulation, measure, predict
+from icmj import (
+    BoxTrigger,
+    Controller,
+    EventTrigger,
+    LinearPlant,
+    Prediction,
+    Settings,
+    Simulation,
+    measure,
+    output_weight,
+    predict,
+)
 from icmj.case.result import settled_on
 from icmj.controller.design import Delay, Design, Hold, design_lq, system_matched, zero_order
-from icmj.controller.trigger import EventRule, output_weight
+from icmj.controller.trigger import EventRule
 from icmj.errors import IcmjError
 from icmj.linear.run import simulate
 from icmj.theory.error_system import ErrorSystem, error_system
