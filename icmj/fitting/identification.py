@@ -151,7 +151,7 @@ LEVEL = 0.002
 _STEP = 1e-4  # of the unit of each number: differences that are derivatives
 _TRIES = 30
 _HOPELESS = 100.0  # variances: what is left where no small step helps any more
-_MANY = 64  # intervals, of which half are enough
+_MANY = 32  # intervals, which tell enough of a motion whatever is free
 _SMALL = 1e-5  # of the sum of squares, and of the variance of an error: what another step has to win
 _PHASES = 48  # at which the predicted motion is laid first
 
@@ -245,6 +245,11 @@ class Course:
         """Sum of squares of the first ``count`` events since a known start, in mean intervals."""
         left = self._compare(np.array([value]), 1, count)
         return float(count) if left is None else float(np.sum((left[0] * self._exact / self._interval) ** 2))
+
+    def fewest(self, value: float) -> int:
+        """The intervals that leave as much to be compared as they tell of what is free beside the value."""
+        near = self._near(value)
+        return 2 * (2 + (0 if near is None else len(near[2].x_bar)))
 
     def _start(self, value: float, count: int) -> tuple[Array, int]:
         """The value with what is free beside it, time of the first event and state, and the side that is nearer."""
@@ -477,8 +482,9 @@ def _from_rhythm(inverse: Inverse, observed: Observed, found: Rhythm, refine: bo
     fits: list[Fit] = []
     for search in (inverse.candidates, inverse.nearest):
         for like, value in ((each, value) for each in found.readings for value in search(each)):
-            fit = Course(unknown, observed, "linear", like).fit(value)
-            while not (fit and fit.agreement.fits) and like.count > _MANY:  # the later, the nearer to the cycle
+            course = Course(unknown, observed, "linear", like)
+            fit, few = course.fit(value), min(course.fewest(value), _MANY)
+            while not (fit and fit.agreement.fits) and like.count // 2 >= few:  # the later, the nearer to the cycle
                 like = replace(like, count=like.count // 2)
                 fit = Course(unknown, observed, "linear", like).fit(value)
             if fit and all(abs(fit.value - other.value) > fit.error + other.error for other in fits):

@@ -88,6 +88,20 @@ def test_no_exact_motion_is_refused_though_its_cycle_attracts_slowly(kind: str) 
 
 
 @pytest.mark.slow
+def test_a_motion_that_begins_far_from_its_cycle_is_explained_by_its_later_events() -> None:
+    """Its first interval differs by a tenth, and no small step leads from the orbit to all that follows."""
+    delayed = icmj.load_run("simple-1.2").with_(**{"assumed.delay": 0.1, "simulation.duration": 60.0})
+    run = motion(1.31, run=delayed)
+    found = identify(
+        Unknown(delayed.with_(**{"actual.gain": None}), low=1.2, high=1.5), Observed.of_times(run.events.t)
+    )
+    assert found.holds(1.31), found.words
+    assert found.value == pytest.approx(1.31, abs=1e-7)
+    assert found.probability is not None
+    assert found.probability > 0.01
+
+
+@pytest.mark.slow
 def test_intervals_cover_where_cycles_attract_slowly() -> None:
     """Multipliers of 0.83 to 0.99: times rounded to a millisecond, without a known start."""
     held, widths = [], []
