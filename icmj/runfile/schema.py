@@ -44,10 +44,10 @@ CONTROLLER_TABLES = (Control, *(table for tables in CONTROLLERS.collect("TABLES"
 def _tell_controller(data: Any) -> str | None:
     """The tag of the table that data of ``[controller]`` are to be; intermittent, where they do not say it."""
     if not isinstance(data, Mapping):
-        return tag_of(type(data))
+        return tag_of(type(data)) or tag_of(Control)
     kind = data.get("kind", tag_of(Control))
     tag = kind_of({"kind": kind})
-    same = (table for table in CONTROLLER_TABLES if _kind_of_table(table) == kind and table.takes(data))
+    same = (table for table in CONTROLLER_TABLES if kind and _kind_of_table(table) == kind and table.takes(data))
     return next(map(tag_of, same), tag)
 
 

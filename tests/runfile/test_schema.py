@@ -1,6 +1,7 @@
 """A run file changed in code says what it is: its text, its fingerprint, and what it may still claim of the paper."""
 
 import tomllib
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 from icmj.errors import RunFileError
 from icmj.runfile.plant_tables import Actual
 from icmj.runfile.reading import load_run, parse_run
-from icmj.runfile.schema import overridden, to_toml
+from icmj.runfile.schema import RunFile, overridden, to_toml
 
 
 def test_text_as_read_stays_to_the_letter(root):
@@ -100,3 +101,19 @@ def test_the_paper_does_not_speak_of_a_changed_copy(root):
         assert copy.fingerprint != run.fingerprint
     text = run.text.replace("gain = 0.8 ", "gain = 0.85 ")
     assert parse_run(text, run.path).disowned
+
+
+@pytest.mark.parametrize(
+    ("controller", "words"),
+    [
+        ("event", "controller: expected a table, got 'event'"),
+        ({"kind": None}, "controller: kind must be 'intermittent', 'predictor', 'switching', 'delayed-pid' or"),
+        ({"kind": "switching", "channel": []}, "controller.channel: has 0 entries; expected at least 1"),
+        ({"kind": "switching"}, "controller.position is missing"),
+    ],
+)
+def test_a_controller_that_is_none_is_told_what_it_may_be(root, controller, words):
+    data = tomllib.loads((root / "runs" / "simple-0.8.toml").read_text(encoding="utf-8"))
+    with pytest.raises(RunFileError) as told:
+        RunFile.validated(data | {"controller": controller}, Path("a.toml"))
+    assert words in str(told.value)
