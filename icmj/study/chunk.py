@@ -45,7 +45,7 @@ from icmj.measurement.statistics import statistics
 from icmj.runfile.schema import RunFile
 from icmj.simulation.simulation import Simulation
 from icmj.study.plan import Plan, Value
-from icmj.theory.prediction import PREDICTION
+from icmj.theory.prediction import PREDICTION, Prediction
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +116,12 @@ ROOT = {
     ),
     "root_imag": (pa.float64(), "its imaginary part, not negative [rad/s]"),
 }
+ORBITS = {
+    "predicted_orbit_delta": (pa.list_(pa.float64()), "open-loop interval of each predicted orbit, rising [s]"),
+    "predicted_orbit_eigenvalue": (pa.list_(pa.float64()), "eigenvalue there, +1 or −1"),
+    "predicted_orbit_verdict": (pa.list_(pa.string()), "verdict on each orbit"),
+    "predicted_orbit_multiplier": (pa.list_(pa.float64()), "magnitude of the largest multiplier of each orbit"),
+}
 OWN = (pa.float64(), "a number of a measure of the user's own")
 ATTRACTORS = {
     "attractors": (pa.int32(), "motions found from random starts of the linear plant"),
@@ -145,19 +151,20 @@ def columns(
     noisy: bool,
     attractors: bool,
     predicted: bool = True,
+    orbits: bool = True,
     measures: Sequence[str] = (),
 ) -> dict[str, tuple[pa.DataType, str]]:
     """All columns by name: of what varies (name and kind), of outputs, of plants asked for a motion or a cycle.
 
-    ``predicted`` says whether the controller has an event rule, and with it a prediction; ``measures`` are names of the
-    user's own numbers.
+    ``predicted`` says whether the controller has an event rule, and with it a prediction; ``orbits``, whether all its
+    orbits are told, which older sweeps do not; ``measures`` are names of the user's own numbers.
     """
     measured = own(dict.fromkeys(measures, OWN))
     found: dict[str, tuple[pa.DataType, str]] = {"point": (pa.int64(), "index of the point")}
     found |= {name: (TYPES[kind], "what varies") for name, kind in varies}
     found["status"] = (pa.string(), "ok, failed, or died with its process")
     found["words"] = (pa.string(), "why it failed; empty where it did not")
-    found |= _describe("predicted", PREDICTION, outputs) if predicted else ROOT
+    found |= _describe("predicted", PREDICTION, outputs) | (ORBITS if orbits else {}) if predicted else ROOT
     for plant in motion:
         there = {"", plant, "noise" if noisy else ""}
         facts = [fact for fact in RUN if fact.only in there] if predicted else WITHOUT_PREDICTION
@@ -277,7 +284,7 @@ def _row(plan: Plan, index: int, values: tuple[Any, ...], bench: _Bench) -> dict
             return row | _row_without_prediction(prepare(plan.run(values)), plan.file.ask.motion)
         case = _case(plan, plan.run(values), bench.last)
         theory = expect_theory(case, "the prediction")
-        row |= row_of("predicted", PREDICTION, theory.prediction, _outputs(case))
+        row |= row_of("predicted", PREDICTION, theory.prediction, _outputs(case)) | _orbits(theory.prediction)
         for plant in plan.file.ask.motion:
             begin = time.process_time()
             row |= _motion(case, theory, plant)
@@ -323,6 +330,15 @@ def _cycle(case: Case, theory: Theory, plant: PlantKind) -> dict[str, Any]:
         return row_of(what, CYCLE[:2], CycleSearch(None, one_line(error, 300), None), ())
     crit = theory.prediction.delta_crit if theory.prediction.cycle else None
     return row_of(what, CYCLE, CycleSearch(found, "", crit), _outputs(case))
+
+
+def _orbits(prediction: Prediction) -> dict[str, Any]:
+    return {
+        "predicted_orbit_delta": [one.crossing.delta for one in prediction.orbits],
+        "predicted_orbit_eigenvalue": [float(np.sign(one.crossing.eigenvalue.real)) for one in prediction.orbits],
+        "predicted_orbit_verdict": [one.verdict for one in prediction.orbits],
+        "predicted_orbit_multiplier": [finite(one.multiplier) for one in prediction.orbits],
+    }
 
 
 def _attractors(plan: Plan, case: Case) -> dict[str, Any]:

@@ -40,6 +40,19 @@ def test_one_process_gives_the_bytes_that_two_give(swept: Path) -> None:
     assert computed(make_plan(swept / "sweep.toml")) == contents(swept / "two")
 
 
+def test_a_folder_of_before_every_orbit_had_its_columns_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = make_plan(sweep_file(tmp_path, GRID.format(count=2), ask=""))
+    with monkeypatch.context() as patched:
+        patched.setattr("icmj.study.chunk.ORBITS", {})
+        with resume_sweep(tmp_path / "old", plan) as (dataset, _):
+            dataset.write(0, compute(plan, plan.range(0)))
+    names = read_table(tmp_path / "old").column_names
+    assert "predicted_verdict" in names
+    assert not [name for name in names if name.startswith("predicted_orbit")]
+
+
 def test_rows_are_what_a_case_alone_gives(swept: Path) -> None:
     run = icmj.load_run(make_plan(swept / "sweep.toml").file.base.path)
     rows = read_table(swept / "two").to_pylist()
@@ -48,6 +61,11 @@ def test_rows_are_what_a_case_alone_gives(swept: Path) -> None:
         assert row["status"] == "ok"
         assert row["predicted_delta_crit"] == case.prediction.delta_crit
         assert row["predicted_verdict"] == case.prediction.verdict
+        orbits = case.prediction.orbits
+        assert row["predicted_orbit_delta"] == [one.orbit.delta for one in orbits]
+        assert row["predicted_orbit_eigenvalue"] == [one.orbit.sign for one in orbits]
+        assert row["predicted_orbit_verdict"] == [one.verdict for one in orbits]
+        assert row["predicted_orbit_multiplier"] == pytest.approx([one.multiplier for one in orbits], rel=1e-9)
         if case.prediction.cycle:
             assert row["predicted_peak_angle"] == pytest.approx(case.prediction.amplitude[0], rel=1e-12)
         if row["point"] % 4 == 0:
