@@ -18,8 +18,10 @@ from tapped_cases import SWITCHING, person
 import icmj
 from icmj.controller.controller import Controller, Law
 from icmj.controller.design import Delay, design_lq, system_matched
+from icmj.controller.rules.box import BoxTrigger
+from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
-from icmj.controller.trigger import BoxTrigger, ClockTrigger, Continuous, EventTrigger, Trigger
+from icmj.controller.trigger import ClockTrigger, Continuous, Trigger
 from icmj.engine.deviation import Deviation
 from icmj.engine.open_loop import EngineOpenLoop, open_loop
 from icmj.engine.plant import MujocoPlant, load_plant

@@ -9,8 +9,9 @@ import pytest
 import icmj
 from icmj.case.case import revise
 from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, design_lq, system_matched
-from icmj.controller.trigger import ClockTrigger, EventTrigger, Trigger, output_weight
+from icmj.controller.design import Delay, design_lq, output_weight, system_matched
+from icmj.controller.rules.quadratic import EventTrigger
+from icmj.controller.trigger import ClockTrigger, Trigger
 from icmj.engine.deviation import Deviation
 from icmj.engine.open_loop import open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
