@@ -111,6 +111,7 @@ def plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: 
                 for one in prediction.orbits
             ],
             "delta_max": prediction.delta_max,
+            "unresolved": prediction.unresolved,
             "beyond": None if prediction.beyond is None else prediction.beyond.delta,
             "neutral": prediction.neutral,
             "family": None if prediction.family is None else prediction.family.words,
