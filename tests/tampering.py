@@ -82,7 +82,7 @@ class Subject:
 def hurry() -> None:
     """Fits of few and short simulations and small networks; what is trusted, and how, stays as it is."""
     from icmj.fitting import network
-    from icmj.study import fit, fit_page
+    from icmj.study import fit
     from icmj.study import fit as families
 
     families.simulate_bank = functools.partial(families.simulate_bank, trials=1, duration=30.0)
@@ -92,11 +92,12 @@ def hurry() -> None:
     families.train_choice = functools.partial(families.train_choice, epochs=3)
     network._WIDTHS = (16,)
     fit.PREDICTED = 25
-    fit_page.write_fit = lambda *_: None
 
 
 def subject_of(kind: str, place: Path) -> Subject:
     """A folder of a kind in ``place``, made if it is not there."""
+    from icmj.study import fit_page
+
     generator = np.random.default_rng(0)
     x = np.cumsum(generator.normal(size=3100))
     x = 5 * (x - x.mean()) / x.std()
@@ -111,6 +112,7 @@ def subject_of(kind: str, place: Path) -> Subject:
         "experiment": (("experiment", str(place / "short.toml"), "--jobs", "1", "--json", "--out", "{}"),),
     }
     folder = place / kind
+    fit_page.write_fit = lambda *_: None  # of the numbers, which are compared
     for command in commands[kind] if not folder.exists() else ():
         status, said, _ = run(command, folder)
         assert status == 0, said
@@ -355,7 +357,7 @@ def cases(subject: Subject, most_inside: int, seed: int) -> Iterator[tuple[str, 
     """File, what is done to it, how, and whether its digest is made to fit: one file of each kind, all its changes."""
     kinds: dict[str, str] = {}
     for name in subject.files:
-        of_one = r"(?<=[/-])[\da-f.-]+(?=[./])|-[\da-f]{16}|predictor|event|check|bank-"
+        of_one = r"(?<=[/-])[\da-f.-]+(?=[./])|-[\da-f]{16}|predictor|event|check-|bank-"
         kinds.setdefault(re.sub(of_one, "", name), name)
     for name in kinds.values():
         for what, change in REPLACED.items():

@@ -279,7 +279,7 @@ def simulate_bank(
     with resume(folder, of, FitError, again="simulated", instead="choose another folder", alone=False) as home:
         reader, draws = DrawReader(home, len(family.prior), trials), home.path / DRAWS
         parts = [range(first, min(first + chunk, n)) for first in range(0, n, chunk)]
-        home.expect_readable(draws / _name(part.start) for part in parts)
+        home.expect_readable(_find_tables(home))
         left = [part for part in parts if reader.count(draws / _name(part.start)) < len(part)]
         done = len(parts) - len(left)
         for part, content, why in _compute(plan, family, left, jobs, dask):
@@ -290,7 +290,7 @@ def simulate_bank(
             done += 1
             if progress is not None:
                 progress(done / len(parts))
-        bank = read_bank(home.path, family)
+        bank = _read_finished(home, family)
         return replace(bank, theta=bank.theta[:n], summaries=bank.summaries[:n], fell=bank.fell[:n])
 
 
@@ -305,16 +305,26 @@ def read_bank(folder: Path | str, family: Family | None = None) -> Bank:
         FitError: if the folder is not that of a bank, the bank belongs to another family, or a file cannot be read.
     """
     home = Folder(Path(folder), FitError, "simulated")
+    home.describe(WHAT, _facts)  # first, as what lies in another folder is not read
+    home.expect_readable(_find_tables(home))
+    return _read_finished(home, family)
+
+
+def _find_tables(home: Folder) -> list[Path]:
+    """Tables of draws in the folder of a bank, in the order of their first draws."""
+    return sorted((home.path / DRAWS).glob("[0-9]*.parquet"))
+
+
+def _read_finished(home: Folder, family: Family | None) -> Bank:
+    """The finished part of a bank none of whose tables ends the process that reads it, as of :func:`read_bank`."""
     facts = home.describe(WHAT, _facts)
     family = family or load_family(Path(facts.path))
     if facts.family != _mark(family, facts.trials, facts.duration):
-        raise FitError(f"{folder}: is a bank of another family than {family.file.path}; simulate it anew")
+        raise FitError(f"{home.path}: is a bank of another family than {family.file.path}; simulate it anew")
     reader = DrawReader(home, len(family.prior), facts.trials)
     parts: list[tuple[Array, ...]] = []
     count = 0
-    paths = sorted((home.path / DRAWS).glob("[0-9]*.parquet"))
-    home.expect_readable(paths)
-    for path in paths:
+    for path in _find_tables(home):
         first = int(path.stem) if path.stem.isdecimal() else MOST
         if first > count:
             break
@@ -322,7 +332,7 @@ def read_bank(folder: Path | str, family: Family | None = None) -> Bank:
         parts.append(tuple(column[count - first :] for column in found))
         count = max(count, first + len(found[0]))
     if not count:
-        raise FitError(f"{folder}: no draw is finished there")
+        raise FitError(f"{home.path}: no draw is finished there")
     fell, theta, summaries = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Bank(family.name, family.prior, facts.family, theta, summaries, fell, facts.seed, facts.duration)
 
