@@ -37,6 +37,7 @@ def test_rows_change_no_bit_of_a_motion_under_sinusoids(seed):
     (7006, "linear"),  # a step at a row whose time is off by the rounding of many delays
     (9030, "mujoco"),  # a piece without a row after a switch
     (26, "mujoco"),  # a piece without a row between an event and an edge
+    (230000062, "linear"),  # a piece of one row between an event and an edge, of which nothing is asked
 ])  # fmt: skip
 def test_signals_are_exported_alike_whatever_the_rows(seed, plant):
     assert check("instants", seed, plant) == ""
