@@ -451,11 +451,15 @@ def may_constrain(model: mujoco.MjModel) -> bool:
 
 def is_flow(model: mujoco.MjModel) -> bool:
     """Whether the state moves as dx/dt = f(x, t): no activation is clamped or taken a step ahead, no body sleeps."""
+    return has_rates(model) and not (model.actuator_actlimited.any() or model.actuator_actearly.any())
+
+
+def has_rates(model: mujoco.MjModel) -> bool:
+    """Whether a step moves the state by its rates, and at most takes activations back into their ranges."""
     known = ("NONE", "INTEGRATOR", "FILTER", "FILTEREXACT", "MUSCLE", "USER")
     kinds = [int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in known]
-    unclamped = not (model.actuator_actlimited.any() or model.actuator_actearly.any() or model.nplastic)
     awake = not model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP and not model.nplugin and not model.nflex
-    return bool(unclamped and awake and np.isin(model.actuator_dyntype, kinds).all())
+    return bool(not model.nplastic and awake and np.isin(model.actuator_dyntype, kinds).all())
 
 
 def rows_need_forward(model: mujoco.MjModel) -> bool:

@@ -171,6 +171,8 @@ class Models:
             # of a copy, for compiling changes the spec, and threads that share a plant may ask at once
             with isolate_engine():
                 self._bare = self.spec.copy().compile()
+        if self._bare.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE:
+            self._bare.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER  # for rates, not what a step makes of them
         return _copy_at(self._bare, point) if self._bare.nmocap else self._bare
 
     def copy_with_room(
@@ -238,6 +240,10 @@ def load_model(
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise ModelError(f"{path}: not a usable MJCF model: {reason}") from error
+    if model.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE:
+        # constraints as they are stated, which this integrator can take; else they would hang on each step of a run
+        for option in (spec.option, model.opt):
+            option.disableflags = int(option.disableflags) | int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
     if person is not None:
         model = shape(spec, model, person, path.name)
     if activation is not None:

@@ -60,7 +60,7 @@ from icmj.errors import ModelError
 from icmj.plant import quality
 from icmj.plant.body import Activation, Lag, OperatingRule, Person, Selection
 from icmj.plant.linear_plant import LinearPlant, Match, Push, pick, ports
-from icmj.plant.quality import BENT, Kink, Margin, Notice, Quality, Residual, adrift, notice_omission
+from icmj.plant.quality import BENT, Kink, Margin, Notice, Quality, Raised, Residual, adrift, notice_omission
 from icmj.simulation.ending import Limit, limits_of
 from icmj.work.own_code import MODELS
 
@@ -190,6 +190,7 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
         excesses=excesses(model, point, kept, rows, columns),
         dead=quality.dead(plant, _NO_SLOPE * mobile),
         step_effect=quality.compare_steps(slow, quick, float(model.opt.timestep)),
+        raised=tuple(dict.fromkeys(_raised(model, linearisation))),
     )
 
 
@@ -274,6 +275,34 @@ def _rubbing(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[st
             yield names[i]
         elif kind == mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON:
             yield f"tendon {model.tendon(i).name or i}"
+
+
+_CONSTRAINTS = {
+    mujoco.mjtConstraint.mjCNSTR_EQUALITY: ("equality", "equality {}", "eq_solref"),
+    mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF: ("dof", "the dry friction of {}", "dof_solref"),
+    mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON: ("tendon", "the dry friction of tendon {}", "tendon_solref_fri"),
+    mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT: ("joint", "the limit of joint {}", "jnt_solref"),
+    mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON: ("tendon", "the limit of tendon {}", "tendon_solref_lim"),
+}
+
+
+def _raised(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[Raised]:
+    """Constraints at the operating point whose time constant is less than two steps, and which the engine softens."""
+    data, taken = data_at(model, linearisation.point), 2 * float(model.opt.timestep)
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_REFSAFE:
+        return
+    with isolate_engine():
+        mujoco.mj_forward(model, data)
+    for kind, i in dict.fromkeys(zip(data.efc_type.tolist(), data.efc_id.tolist(), strict=True)):
+        if (sort := _CONSTRAINTS.get(mujoco.mjtConstraint(kind))) is not None:
+            element, words, array = sort
+            solref = getattr(model, array)[i]
+            name = state_names(model)[i] if element == "dof" else getattr(model, element)(i).name or str(i)
+        else:  # a contact, of whose geoms the engine has mixed them
+            solref, pair = data.contact[i].solref, data.contact[i].geom
+            name, words = " and ".join(model.geom(j).name or f"geom{j}" if j >= 0 else "flex" for j in pair), "{}"
+        if 0 < solref[0] < taken and solref[1] > 0:  # others are stiffness and damping themselves
+            yield Raised(words.format(name), float(solref[0]), taken)
 
 
 def _margins(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[Margin]:

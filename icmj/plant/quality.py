@@ -251,6 +251,21 @@ class StepEffect:
     step: float
 
 
+@dataclass(frozen=True)
+class Raised:
+    """A constraint that acts at the operating point with a longer time constant than the model states.
+
+    Attributes:
+        of: the constraint.
+        stated: the time constant of its ``solref`` [s].
+        taken: two time steps of the model, which is what the engine takes instead [s].
+    """
+
+    of: str
+    stated: float
+    taken: float
+
+
 def compare_steps(plant: LinearPlant, halved: LinearPlant, step: float) -> StepEffect | None:
     """How much the response of each output to each input changes with the step, at the poles' frequencies.
 
@@ -291,6 +306,7 @@ class Quality:
         excesses: limits beyond which the point lies.
         dead: inputs that move nothing.
         step_effect: the dependence of the plant on the model's time step, where it is noticeable.
+        raised: constraints that are softer than stated because of that step.
     """
 
     residual: Residual
@@ -308,6 +324,7 @@ class Quality:
     excesses: tuple[Excess, ...] = ()
     dead: tuple[str, ...] = ()
     step_effect: StepEffect | None = None
+    raised: tuple[Raised, ...] = ()
 
     @property
     def at_rest(self) -> bool:
@@ -380,6 +397,13 @@ class Quality:
                 f"{effect.output} to {effect.input} by {effect.share:.2g} at {effect.omega:.3g} rad/s, and so the "
                 "prediction (actearly of a motor with inductance, or a constraint faster than two steps); give the "
                 "model a smaller timestep"
+            )
+            yield Notice("time step", "warning", words)
+        if self.raised:
+            words = (
+                f"the time constant of {_list(tuple(f'{each.of} ({each.stated:g} s)' for each in self.raised))} is "
+                f"raised to {self.raised[0].taken:g} s, two time steps of the model, in prediction and run, whatever "
+                "the run's steps; give the model a smaller timestep to have it as stated"
             )
             yield Notice("time step", "warning", words)
 

@@ -130,7 +130,8 @@ def _lean_runge_kutta(engine, progress, length, end):  # type: ignore[no-untyped
     """The classical Runge–Kutta step from the saved state, and the rates at its end.
 
     For hinges and slides, whose positions move as vectors do, it is mj_RungeKutta: the same operations in the same
-    order. A quaternion is four numbers that move so, too, and are then brought back to unit length.
+    order, but for the time step with which forces are computed. A quaternion is four numbers that move so, too, and are
+    then brought back to unit length.
     """
     k, saved = engine.k, engine.saved
     nq, nv, na = len(engine.qpos), len(engine.qvel), len(engine.act)
@@ -150,6 +151,9 @@ def _lean_runge_kutta(engine, progress, length, end):  # type: ignore[no-untyped
         for i in range(na):
             engine.act[i] = saved[nq + nv + i] + sum[nq + nv + i] * length
         if stage == 4:
+            for i in range(len(engine.limited)):
+                at = engine.limited[i]
+                engine.act[at] = min(max(engine.act[at], engine.low[i]), engine.high[i])
             engine.time[0] = end
             if len(engine.quaternions) > 0:
                 _normalize_quat(engine.model, address(engine.qpos))
@@ -162,9 +166,10 @@ def _lean_runge_kutta(engine, progress, length, end):  # type: ignore[no-untyped
 
 @exact
 def undo(engine, progress):  # type: ignore[no-untyped-def]
-    """Make the next step start from the saved state; steps of :func:`_lean_runge_kutta` do so anyway."""
-    if not engine.lean:
+    """Make the next step start from the saved state; of those of :func:`_lean_runge_kutta` only the solver does not."""
+    if not engine.lean or engine.stages == _WHOLE:
         _restore(engine, progress)
+    if not engine.lean:
         forward(engine.model, engine.data)
 
 
@@ -185,7 +190,7 @@ def step(engine, progress, length):  # type: ignore[no-untyped-def]
         _implicit(engine.model, engine.data)
     else:
         _mj_step(engine.model, engine.data)
-    engine.time[0] = end
+    engine.time[0], engine.timestep[0] = end, engine.own
     forward(engine.model, engine.data)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.process import INTERPRETED
-from icmj.engine.block import Block, Slot, Stages, block_of, rows_need_forward, span, stages_of
+from icmj.engine.block import Block, Slot, Stages, block_of, has_rates, rows_need_forward, span, stages_of
 from icmj.engine.native.field import drive, flow, forward
 from icmj.engine.native.memory import (
     address,
@@ -67,9 +67,11 @@ class Engine(NamedTuple):
     the moments about the degrees of freedom, ``moment_at`` (motor, degree of freedom) of each, ``gain`` the motors'
     gains. ``applied`` are the generalised forces of pushes, ``rownnz``, ``rowadr``, ``column`` and ``value`` the
     moments of all actuators. ``waves`` holds the signals of disturbance, errors and pushes, and of what time and phase
-    time they are. A step is a ``lean`` one where Runge and Kutta's stages are called here; ``k`` holds the rates of
-    (qpos, qvel, act) at them. ``scalars`` are (address in qpos, address in qvel) of hinges, slides and translations,
-    ``quaternions`` those of rotations.
+    time they are. Whatever steps are taken, forces are computed with the model's ``own`` time step [s]: what the engine
+    makes depend on it (how stiff a constraint may be, activations that are taken a step ahead) belongs to the plant. A
+    step is a ``lean`` one where Runge and Kutta's stages are called here; ``k`` holds the rates of (qpos, qvel, act) at
+    them; ``limited`` are the activations with a range, from ``low`` to ``high``. ``scalars`` are (address in qpos,
+    address in qvel) of hinges, slides and translations, ``quaternions`` those of rotations.
     """
 
     model: Any
@@ -77,6 +79,7 @@ class Engine(NamedTuple):
     timestep: Array
     time: Array
     warnings: np.ndarray
+    own: float
     integrator: int
     qpos: Array
     qvel: Array
@@ -109,6 +112,9 @@ class Engine(NamedTuple):
     waves: Array
     k: Array
     sum: Array
+    limited: np.ndarray
+    low: Array
+    high: Array
     scalars: np.ndarray
     quaternions: np.ndarray
     first: int
@@ -182,8 +188,12 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, smooth: 
     stages = stages_of(model) if smooth or integrator == RK4 else Stages.WHOLE
     scalars, quaternions = _find_turns(model)
     size = model.nq + model.nv + model.na
+    of = np.repeat(np.arange(model.nactuator), model.actuator_actnum)  # the actuator of each activation
+    limited = np.flatnonzero(model.actuator_actlimited[of])
+    low, high = model.actuator_actrange[of[limited]].T.copy()
     return Engine(
         **handles._asdict(),
+        own=float(model.opt.timestep),
         integrator=integrator,
         qpos=data.qpos,
         qvel=data.qvel,
@@ -194,7 +204,7 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, smooth: 
         saved=np.empty(model.nq + 2 * model.nv + model.na),
         # the engine's other integrators read more of what a forward pass leaves
         stages=int(stages),
-        lean=bool(integrator == RK4 and (stages != Stages.WHOLE or smooth)),
+        lean=integrator == RK4 and has_rates(model),
         cameras=bool(model.ncam),
         tendons=bool(model.ntendon),
         rows_need_forward=rows_need_forward(model),
@@ -217,6 +227,9 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, smooth: 
         waves=np.full(int(controller[Slot.SIGNALS]) + 2, np.nan),
         k=np.empty((4, size)),
         sum=np.empty(size),
+        limited=limited,
+        low=low,
+        high=high,
         scalars=scalars,
         quaternions=quaternions,
         first=int(controller[Slot.ACT]),
