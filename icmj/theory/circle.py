@@ -336,7 +336,6 @@ class Spectra:
     def __init__(self, reduced: Reduction) -> None:
         self.flow, self.left, self.right, self.t_d = reduced.flow, reduced.left, reduced.right, reduced.t_d
         self._jump = self.left @ self.right - np.eye(len(self.left))  # φ − I at Δ = t_d; zero without a delay
-        self._scale = self.flow.scale[: len(self.left)]
 
     @property
     def count(self) -> int:
@@ -363,7 +362,7 @@ class Spectra:
             G = F / np.where(delta[a] == 0, 1.0, delta[a])[..., None, None]
             G[delta[a] == 0] = at_zero
             spectra[a] = outwards(_eigenvalues(G), delta[a])
-            size[a] = self.size(F).max(axis=1)
+            size[a] = np.abs(F).max(axis=(1, 2, 3))
         return delta, spectra, size
 
     def at(self, delta: Array) -> Spectrum:
@@ -381,10 +380,6 @@ class Spectra:
             if int((sizes < _NULL * max(sizes[0], 1.0)).sum()) < near.sum():
                 return near
         return equal
-
-    def size(self, phi: Array) -> Array:
-        """Largest entry of φ in balanced coordinates."""
-        return np.asarray(np.abs(phi * (self._scale / self._scale[:, None])).max(axis=(-2, -1)))
 
     def branch(self, kind: Kind, delta: float) -> EigenvalueBranch | None:
         """The eigenvalue of this kind nearest to the circle; ``None`` where there is no complex pair."""

@@ -205,7 +205,7 @@ class _Finder:
         while True:
             with np.errstate(over="ignore", invalid="ignore"):
                 t, states = self.spectra.flow.trajectory(self.spectra.right, end - self.t_d, 64)
-                size = self.spectra.size(self.spectra.left @ states)
+                size = np.abs(self.spectra.left @ states).max(axis=(1, 2))
             drowned = np.flatnonzero(~(size <= _DROWNED))
             if not len(drowned):
                 return end
@@ -318,7 +318,7 @@ class _Finder:
                 np.argsort(np.abs((lam[lam.imag > 1e-6] if kind == "complex" else lam) - at.value))[: at.count]
             ]
             step += sign * int((close > 1).sum())
-        return {"tangent" if not step else "rising" if step > 0 else "falling": at.count}
+        return {"rising" if step > 0 else "falling": abs(step)} if step else {"tangent": at.count}
 
 
 def _join(parts: list[tuple[float, float, int]]) -> tuple[tuple[float, float], ...]:

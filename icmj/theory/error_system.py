@@ -293,6 +293,13 @@ class Flow:
         return F * self.scale[:, None] / self.scale
 
 
+def balance(A: Array) -> tuple[Array, Array]:
+    """S⁻¹ A S with rows and columns of like norms, and the diagonal of S: powers of two, so that no digit is lost."""
+    with np.errstate(invalid="ignore"):  # scales beyond integers, among which SciPy seeks a permutation
+        balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    return np.asarray(balanced), np.asarray(scale)
+
+
 def flow(A_C: Array) -> Flow:
     """Prepare the flow of Ā_C.
 
@@ -302,9 +309,9 @@ def flow(A_C: Array) -> Flow:
     A_C = np.asarray(A_C, dtype=float)
     if A_C.ndim != 2 or A_C.shape[0] != A_C.shape[1] or not np.isfinite(A_C).all():
         raise AnalysisError(f"not analysable: the matrix of a flow must be finite and square, got shape {A_C.shape}")
-    if not np.abs(A_C).max(initial=0.0) < _ABSURD:
+    balanced, scale = balance(A_C)
+    if not np.abs(balanced).max(initial=0.0) < _ABSURD:
         raise AnalysisError(f"not analysable: the error system has entries beyond {_ABSURD:.0e}; check gains and rates")
-    balanced, (scale, _) = matrix_balance(A_C, permute=False, separate=True)
     norm = float(np.linalg.norm(balanced, 2)) or 1.0
     series = np.empty((_TERMS, *A_C.shape))
     power = np.eye(len(A_C))

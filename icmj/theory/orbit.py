@@ -143,7 +143,7 @@ def orbit(
         raise AnalysisError(f"an orbit's interval must be longer than the delay, {t_d:g} s; got {delta}")
     phi = system.exit @ phi_t.exponential(delta - t_d) @ system.entry
     if vector is None:
-        vector = critical_vectors(reduced.phi(delta) if reduced.modes else phi, sign)[:, 0]
+        vector = critical_vectors(reduced.phi(delta), sign)[:, 0]
     v, drift = _start(reduced, phi, sign, vector)
     # cells short enough for one Taylor series each, so that every signal is a polynomial between grid points
     points = max(SAMPLES, int(np.ceil(delta / phi_t.reach)))
@@ -211,11 +211,9 @@ def orbit(
 
 def _start(reduced: Reduction, phi: Array, sign: int, vector: Array) -> tuple[Array, Array]:
     """The state right after an event on the orbit, of unit norm, and how far one interval carries it away."""
-    if not reduced.modes:
-        return vector, np.zeros(len(phi))
     v = reduced.complete(vector, phi, sign)
     v = v * (np.sign(v[leading(v)]) / np.linalg.norm(v))
-    return v, phi @ v - sign * v
+    return v, phi @ v - sign * v if reduced.modes else np.zeros(len(v))
 
 
 def _find_end(faces: Faces, system: ErrorSystem, X: Array) -> tuple[NDArray[np.intp], float]:
@@ -225,7 +223,7 @@ def _find_end(faces: Faces, system: ErrorSystem, X: Array) -> tuple[NDArray[np.i
     """
     squares = faces.squares(X @ system.T_t.T @ faces.R.T)
     seen = float(squares[-1].max())
-    scale = np.abs(faces.R.T @ faces.R).max() * (np.abs(X[:, system.n :]).max() ** 2)
+    scale = float((np.abs(X) @ np.abs(faces.R @ system.T_t).T).max()) ** 2
     return _find_ties(squares[-1]), 1 / np.sqrt(seen) if seen > 1e-20 * scale else np.inf
 
 
@@ -329,7 +327,7 @@ def jacobians(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared
         R = faces.R[faces.rows(int(face))]
         gradient = 2 * faces.unit * (R @ e) @ R @ system.T_t
         slope = gradient @ velocity
-        if not abs(slope) > 1e-13 * np.linalg.norm(gradient) * np.linalg.norm(velocity):
+        if not abs(slope) > 1e-13 * (np.abs(gradient) @ np.abs(velocity)):
             return np.full((1, len(system.exit), len(system.exit)), np.nan)
         found.append(system.exit @ flight - np.outer(system.exit @ velocity, gradient @ flight) / slope)
     return np.array(found)

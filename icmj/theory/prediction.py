@@ -450,7 +450,8 @@ def _predict_orbit(
     verdicts = [verdict for _, _, verdict in members]
     # of a family the member shown is one that a motion can come to, if there is one
     best = min(range(len(members)), key=lambda i: VERDICTS.index(verdicts[i]))
-    structure = eigenstructure(phi, sign)
+    # without neutral modes χ is of x̄ in its own units
+    structure = eigenstructure(phi if reduced.modes else reduced.lift @ phi @ reduced.project, sign)
     whole, V_inv = None, None
     if len(members) > 1:
         x_bar = np.column_stack([reduced.complete(v, system.phi(critical.delta), sign) for v in basis.T])

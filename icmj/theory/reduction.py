@@ -1,4 +1,6 @@
-"""The error system without its neutral directions (docs/theory.md, "Neutral modes").
+"""The error system in balanced coordinates, without its neutral directions (docs/theory.md, "Neutral modes").
+
+Here units end: tolerances of the search and of multipliers are relative to rows and columns of like norms.
 
 In the coordinates Z = (x̄, e_hp) a jump is e_hp := 0 and nothing else. So what never shows in e_hp is not touched by
 jumps, and what e_hp does not drive is not changed by them: both go as e^{μΔ} whatever the intervals are. Such modes
@@ -28,16 +30,15 @@ They, and whether an earlier event comes, may differ from member to member; so s
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import matrix_balance
 
 from icmj.base.array import Array
 from icmj.errors import AnalysisError
-from icmj.theory.error_system import ErrorSystem, Flow, flow
+from icmj.theory.error_system import ErrorSystem, Flow, balance, flow
 
 UNSEEN = 1e-9  # a direction is unseen if its image is below this, relative to rows of unit norm
 SLOW = 1e-5  # |Re μ| relative to the modes' own size up to which they neither grow nor decay
@@ -227,7 +228,7 @@ _SHOWS = 1e-8  # an output sees a mode above this, relative to its row
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """φ_r(Δ) = left e^{A (Δ − t_d)} right on x̄_r = project x̄, with the neutral directions taken out; m are left.
+    """φ_r(Δ) = left e^{A (Δ − t_d)} right on x̄_r = project x̄, balanced and without neutral directions; m are left.
 
     Attributes:
         flow: of A, the matrix of what is left, shape (M, M).
@@ -291,7 +292,7 @@ class Reduction:
 
 
 def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
-    """Remove the neutral directions; without any, the matrices of the system are returned unchanged.
+    """Balance the system, and remove the neutral directions.
 
     Args:
         system: the error system.
@@ -306,7 +307,7 @@ def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
     H[size:, system.n : size] = np.eye(n_hat)
     A = (2 * np.eye(len(H)) - H) @ system.A_C @ H
     try:
-        A, (scale, _) = matrix_balance(A, permute=False, separate=True)
+        A, scale = balance(A)
         e_hp = np.eye(len(A))[size:]
         felt, shown = np.vstack([e_hp, (system.C_u @ H) * scale]), (system.C_y @ H) * scale
         unfelt = unseen(A, felt)
@@ -317,13 +318,8 @@ def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
         raise AnalysisError(
             f"not analysable, because the modes of the error system cannot be distinguished ({error})"
         ) from error
-    if system.delay and not D.shape[1] and not L.shape[1]:
-        return _delayed(system, whole)
     if not D.shape[1] and not L.shape[1]:
-        empty = np.zeros((size, 0))
-        same = np.eye(size)
-        left, right = system.T @ system.A_D, system.T_bar
-        return Reduction(whole, left, right, same, same, empty, empty.T, empty.T, scale[:size], ())
+        return _balanced(system, whole)
     Q = complement(D)
     R = Q @ complement(L)
     named = _ModeNames(system, A, scale, shown)
@@ -331,10 +327,9 @@ def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
     if system.delay:
         raise AnalysisError(f"not analysable with a delay: {_in_the_way(modes)}")
     m, s = R.shape[1], scale[:size]
-    units = np.concatenate([np.ones(m), scale[size:]])  # e_hp gets its own units back; x̄_r has no better ones
     left = np.eye(m, m + n_hat)
     return Reduction(
-        flow(_kept(A, R) * units[:, None] / units),
+        flow(_kept(A, R)),
         left,
         left.T.copy(),
         R.T / s,
@@ -356,13 +351,14 @@ def _in_the_way(modes: Sequence[NeutralMode]) -> str:
     return words + (f"; leave it out of the model, as drop = [{drop}] does, or take the delay out" if drop else "")
 
 
-def _delayed(system: ErrorSystem, whole: Flow) -> Reduction:
-    """With a delay a jump is more than e_hp := 0, and nothing is removed."""
-    size = len(system.A_C)
-    same, empty = np.eye(size), np.zeros((size, 0))
-    return Reduction(
-        whole, system.exit, system.entry, same, same, empty, empty.T, empty.T, whole.scale, (), system.delay.t_d
-    )
+def _balanced(system: ErrorSystem, whole: Flow) -> Reduction:
+    """The system as it is, in balanced coordinates."""
+    size, s = len(system.exit), whole.scale
+    empty = np.zeros((size, 0))
+    left, right = system.exit * s / s[:size, None], system.entry * s[:size] / s[:, None]
+    s = s[:size]
+    own = replace(whole, A_C=whole.balanced, scale=np.ones(len(whole.scale)))
+    return Reduction(own, left, right, np.diag(1 / s), np.diag(s), empty, empty.T, empty.T, s, (), system.delay.t_d)
 
 
 def _kept(A: Array, R: Array) -> Array:
@@ -422,7 +418,7 @@ def stable_modulo_neutral(A: Array, inputs: Array, outputs: Array) -> bool:
         inputs: shape (n, n_u).
         outputs: shape (c, n).
     """
-    A, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    A, scale = balance(A)
     Q = complement(neutral(A, outputs * scale))
     A, inputs = Q.T @ A @ Q, Q.T @ (inputs / scale[:, None])
     R = complement(neutral(A.T, inputs.T))

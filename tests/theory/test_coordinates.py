@@ -104,3 +104,32 @@ def test_no_unit_of_time_changes_anything_but_times(hold, t_d):
                 np.testing.assert_allclose(got.amplitude, expected.amplitude, rtol=1e-6)
                 with_orbits += 1
     assert with_orbits > 20
+
+
+@pytest.mark.parametrize("hold", [system_matched, zero_order])
+@pytest.mark.parametrize("t_d", [0.0, 0.1])
+def test_no_unit_of_a_state_an_input_or_an_output_changes_anything_but_numbers_in_it(hold, t_d):
+    """Units of up to 1e6 of those of the plant, of each state, input and output another: the same motions."""
+    rng, with_orbits = np.random.default_rng(8), 0
+    for system in random_systems(710, 20):
+        x, u, y = (10.0 ** rng.integers(-6, 7, size) for size in (system.n, system.actual.n_u, system.actual.n_y))
+        found = []
+        for X, U, Y in ((x**0, u**0, y**0), (x, u, y)):
+            assumed, actual = (
+                LinearPlant(plant.A * X / X[:, None], plant.B * U / X[:, None], plant.C * X / Y[:, None])
+                for plant in (system.design.plant, system.actual)
+            )
+            design = Design(assumed, system.design.k * X / U[:, None], system.design.L * Y / X[:, None])
+            own = error_system(actual, design, hold=hold(design), delay=Delay(t_d))
+            found.append(predict(own, EventTrigger(np.diag(X**2), 0.01)))
+        expected, got = found
+        assert [(c.kind, c.direction) for c in got.crossings] == [(c.kind, c.direction) for c in expected.crossings]
+        np.testing.assert_allclose(*([c.delta for c in p.crossings] for p in found), rtol=1e-8)
+        assert got.observer_feedback_stable == expected.observer_feedback_stable
+        for a, b in zip(got.orbits, expected.orbits, strict=True):
+            assert a.verdict == b.verdict
+            for name, unit in (("y_peak", y), ("u_peak", u), ("x_range", x)):
+                there, here = getattr(a.orbit, name) * unit, getattr(b.orbit, name)
+                np.testing.assert_allclose(there, here, rtol=1e-6, atol=1e-9 * here.max())
+            with_orbits += 1
+    assert with_orbits > 10
