@@ -76,8 +76,8 @@ from .runfile.reading import load_run as load_run
 from .runfile.reading import parse_run as parse_run
 from .runfile.schema import RunFile as RunFile
 from .series.reading import read_series as read_series
-from .series.reading import write_series as write_series
 from .series.series import Series as Series
+from .series.writing import write_series as write_series
 from .simulation.settings import Bias as Bias
 from .simulation.settings import Gaussian as Gaussian
 from .simulation.settings import Impulse as Impulse

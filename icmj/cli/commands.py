@@ -297,7 +297,7 @@ def export(command: arguments.ExportCommand) -> None:
 def _export(log: Path, command: arguments.ExportCommand) -> None:
     from icmj.errors import DataError
     from icmj.log.reader import read_log
-    from icmj.series.reading import FORMATS, write_series
+    from icmj.series.writing import FORMATS, write_series
 
     out = log.with_suffix(f".{command.to or 'csv'}") if command.out is None else command.out
     if out.suffix not in ([f".{command.to}"] if command.to else FORMATS):

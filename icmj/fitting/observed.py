@@ -26,7 +26,7 @@ from icmj.case.case import Case, expect_theory, prepare
 from icmj.errors import DataError, IcmjError, IdentificationError
 from icmj.plant.body import Change
 from icmj.runfile.schema import RunFile
-from icmj.series.formats import LONGEST_LINE
+from icmj.series.csv_table import LONGEST_LINE
 from icmj.series.reading import MOST_BYTES, read_series
 from icmj.simulation.simulation import Simulation
 

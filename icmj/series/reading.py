@@ -1,43 +1,38 @@
-"""Reading and writing time series.
-
-Reading time series from files: CSV as instruments and spreadsheets write it, Parquet, npz, OpenSim's, C3D.
-
-Writing time series for other tools: CSV, Parquet, npz; a file is either complete or absent.
-"""
+"""Reading time series from files: CSV as instruments and spreadsheets write it, Parquet, npz, OpenSim's, C3D."""
 
 from __future__ import annotations
 
-import json
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+import codecs
+import io
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
 from icmj.base.array import Array, each_npz, npz_headers, read_npz, refuse_fatal
-from icmj.base.files import open_file, whole
+from icmj.base.files import open_file
 from icmj.base.text import one_line
 from icmj.errors import DataError
-from icmj.series.formats import HEAD, LINES, LONGEST_LINE, CsvShape, csv_shape, group_for, groups_of, header_of
-from icmj.series.plates import leave_out_unloaded, loads_of
-from icmj.series.series import COUNTER, SETTLED, Series, place, see_names_differ, step_of
+from icmj.series.c3d import group_for, groups_of
+from icmj.series.columns import MOST_NUMBERS, choose_columns
+from icmj.series.csv_table import HEAD, LONGEST_LINE, TableForm, find_form, missing_words
+from icmj.series.opensim import LINES, header_of
+from icmj.series.series import SETTLED, Series, see_names_differ
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 MOST_BYTES = 500_000_000
-MOST_NUMBERS = 12_000_000  # that are read, times among them; measuring them takes a gigabyte and a half
 MOST_COLUMNS = 2000
-TIMES = ("t", "time", "times", "timestamp", "seconds")
-TRIALS = ("trial", "trials", "repetition")  # columns that count what stands one below the other
-SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 
 MOST_LINE = 1_000_000  # bytes
 _PART = 8_000_000  # bytes of a file that are looked at together
 _ROWS = 100_000  # rows read at a time
 _MOST_WORDS = 10_000_000  # bytes of names and units
-
-_NAME = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
+_TEXT = "which is text"
 
 
 def read_series(
@@ -50,13 +45,13 @@ def read_series(
 ) -> Series:
     """The time series in a file that :func:`icmj.write_series` or another program has written.
 
-    The columns of a CSV file may be separated by commas, semicolons, tabs or spaces; unless commas separate them,
-    numbers may have decimal commas. The file may begin with lines that are not part of the table. Names are read from
-    the line above the first numbers, such as ``ankle [rad]`` or ``ankle (rad)``. Columns of text are left out. For
-    files of OpenSim (``.mot``, ``.sto``), units follow from the header and from conventional names of columns. A C3D
-    file has signals of four kinds: centres of pressure (``plate1.cop.x``) and forces (``plate1.force.z``) of force
-    plates, points (``C7.x``), and analog channels by their labels; by default the first kind that it contains is read.
-    Signals that are read together must have the same rate.
+    The form of a CSV file is that in which most cells are numbers (:mod:`icmj.series.csv_table`): its separators,
+    decimal sign, and the lines before the table. Names are read from above the first numbers, such as ``ankle [rad]``
+    or ``ankle (rad)``, or with a row of units below them. Columns of text, of further times and of row numbers are left
+    out, which the fact ``left out`` says. For files of OpenSim (``.mot``, ``.sto``), units follow from the header and
+    from conventional names of columns. A C3D file has signals of four kinds: centres of pressure (``plate1.cop.x``) and
+    forces (``plate1.force.z``) of force plates, points (``C7.x``), and analog channels by their labels; by default the
+    first kind that it contains is read. Signals that are read together must have the same rate.
 
     Where the vertical force of a plate is among the columns of a table (``Fz``, ``plate1.force.z``), a centre of
     pressure is missing in rows in which it is below 20 N, as in a C3D file.
@@ -67,15 +62,18 @@ def read_series(
     Args:
         path: ``.parquet``, ``.npz``, ``.mot``, ``.sto``, ``.c3d``; any other file is read as CSV.
         columns: names of the signals, in this order; by default all.
-        rate: rows per second [Hz], for a file without times.
+        rate: rows per second [Hz], for a file without times, or with times whose unit nothing says.
         since, until: times [s] before and after which rows are left out; by default none.
 
     Raises:
         DataError: if the file cannot be read, is too large, contains no numbers or no such columns, has no rows from
-            ``since`` to ``until``, or its times are missing or do not increase; for C3D, if ezc3d is not installed.
+            ``since`` to ``until``, its times are missing, do not increase or have a unit that has to be said, or it can
+            be read in two ways; for C3D, if ezc3d is not installed.
     """
     path = Path(path)
     try:
+        if (advice := ELSEWHERE.get(path.suffix.lower())) is not None:
+            raise DataError(f"not a format that icmj reads; {advice}")
         with open_file(path, MOST_BYTES) as file:
             found = READERS.get(path.suffix.lower(), _read_csv)(path, file, columns, rate)
             return cut_rows(found, since, until)
@@ -101,98 +99,6 @@ def cut_rows(series: Series, since: float | None, until: float | None) -> Series
     return kept
 
 
-def name_and_unit(header: str) -> tuple[str, str]:
-    """``ankle [rad]`` and ``ankle (rad)`` are ``ankle`` in rad; without brackets the unit is "" ."""
-    found = _NAME.fullmatch(one_line(header, 200))
-    assert found is not None
-    return found["name"], (found["unit"] or "").strip()
-
-
-@dataclass(frozen=True)
-class _Choice:
-    """The columns of a file that are read: that of the times, if there is one, before the signals in their order.
-
-    Attributes:
-        at: their places in the file.
-        names, units: of the signals.
-        second: what the times are in [s]; ``None`` where there are no times.
-        step: between rows without times [s].
-        beside: names and units of what is read behind the signals: the number of events before each row of a run, and
-            vertical forces of plates.
-        loads: names of the vertical forces of each centre of pressure.
-    """
-
-    at: tuple[int, ...]
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    second: float | None
-    step: float
-    beside: tuple[tuple[str, str], ...] = ()
-    loads: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, headers: Sequence[str], units: Sequence[str], columns: Sequence[str], rate: float | None) -> _Choice:
-        """The columns to read of a file with these, some of which are asked for, or all."""
-        named = [name_and_unit(header) for header in headers]
-        names = [name or f"column {i + 1}" for i, (name, _) in enumerate(named)]
-        units = [given or own for given, (_, own) in zip(units, named, strict=True)]
-        clock = next((i for i, name in enumerate(names) if name.lower() in TIMES), None)
-        second, step = None, 0.0
-        if clock is not None:
-            unit = units[clock].lower()
-            if unit not in SECONDS:
-                raise DataError(f"times in {unit!r}; expected one of {', '.join(filter(None, SECONDS))}")
-            second = SECONDS[unit]
-        elif rate is None:
-            raise DataError(f"no column of times ({', '.join(TIMES[:2])}); say with --rate how many rows a second has")
-        else:
-            step = step_of(rate, 0)
-        kept = [i for i in range(len(names)) if i != clock]
-        if not kept:
-            raise DataError("no column of numbers beside the times")
-        known = [names[i] for i in kept]
-        see_names_differ(known)
-        needed = [i for i in kept if names[i] == COUNTER and not units[i]]
-        loads = {kept[i]: [kept[at] for at in on] for i, on in loads_of(known, [units[i] for i in kept]).items()}
-        if columns:
-            kept = [kept[place(known, name)] for name in columns]
-        loads = {i: on for i, on in loads.items() if i in kept}
-        needed += [i for on in loads.values() for i in on]
-        needed += [i for i, name in enumerate(names) if clock is None and name.lower() in TRIALS]
-        beside = list(dict.fromkeys(i for i in needed if i not in kept))
-        at = (*([] if clock is None else [clock]), *kept, *beside)
-        told = [tuple(of[i] for i in kept) for of in (names, units)]
-        of_plates = {names[i]: tuple(names[each] for each in on) for i, on in loads.items()}
-        return cls(at, told[0], told[1], second, step, tuple((names[i], units[i]) for i in beside), of_plates)
-
-    def room(self, rows: int) -> Array:
-        """An array for this number of rows.
-
-        Raises:
-            DataError: if they are more than can be read.
-        """
-        if rows * len(self.at) > MOST_NUMBERS:
-            raise DataError(
-                f"about {rows} rows of {len(self.at)} columns; expected at most {MOST_NUMBERS / 1e6:g} million "
-                "numbers, name columns or cut it into parts"
-            )
-        return np.empty((rows, len(self.at)))
-
-    def series(self, data: Array) -> Series:
-        """The series from the data that were read."""
-        t = np.arange(len(data), dtype=float) * self.step
-        if self.second is not None:
-            t, data = data[:, 0] * self.second, data[:, 1:]
-        names, units = zip(*zip(self.names, self.units, strict=True), *self.beside, strict=True)
-        for at in (i for i, name in enumerate(names) if self.second is None and name.lower() in TRIALS):
-            if len(data) and np.ptp(data[:, at]) > 0:
-                raise DataError(
-                    f"trials one below the other, which the column {names[at]!r} counts; save each in a file of its own"
-                )
-        whole = Series(t, data, names, units)
-        return leave_out_unloaded(whole, self.loads).chosen(self.names)
-
-
 def _read_opensim(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
     header = header_of(islice(iter(lambda: file.readline(LONGEST_LINE + 1), b""), LINES + 1))
     file.seek(0)
@@ -212,25 +118,38 @@ def _read_c3d(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | 
 
 
 def _read_csv(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
-    shape = csv_shape(b"".join(islice(iter(lambda: file.readline(LONGEST_LINE + 1), b""), HEAD)))
-    if len(shape.headers) > MOST_COLUMNS:
-        raise DataError(f"{len(shape.headers)} columns; expected at most {MOST_COLUMNS}")
-    numeric = [i for i, number in enumerate(shape.numeric) if number]
-    choice = _Choice.of([shape.headers[i] for i in numeric], [""] * len(numeric), columns, rate)
+    if (mark := file.read(2)) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        file = io.BytesIO((mark + file.read()).decode("utf-16", errors="replace").encode())
+    file.seek(0)
+    form = find_form(b"".join(islice(iter(lambda: file.readline(LONGEST_LINE + 1), b""), HEAD)))
+    if len(form.headers) > MOST_COLUMNS:
+        raise DataError(f"{len(form.headers)} columns; expected at most {MOST_COLUMNS}")
+    numeric = [i for i, number in enumerate(form.numeric) if number]
+    left = [
+        f"{header}, {_TEXT}" for header, number in zip(form.headers, form.numeric, strict=True) if not number and header
+    ]
+    for i, words in form.faults.items():
+        if not form.numeric[i] and not columns:
+            name = form.headers[i] or f"column {i + 1}"
+            raise DataError(f"{name}: {words!r} is no number; write the unit in the name")
+    choice = choose_columns(
+        [form.headers[i] for i in numeric], [form.units[i] for i in numeric], columns, rate, left,
+        {numeric.index(i): words for i, words in form.faults.items() if i in numeric},
+    )  # fmt: skip
     chosen = [str(numeric[i]) for i in choice.at]
-    file.seek(shape.offset)
+    file.seek(form.offset)
     ends = [(text.count(b"\n"), text.count(b"\r")) for text in iter(lambda: file.read(_PART), b"")]
     # a blank line ends, too; rows may be fewer, not more
     data = choice.room(max(map(sum, zip(*ends, strict=True)), default=0) + 1)
-    file.seek(shape.offset)
+    file.seek(form.offset)
     count = 0
     for text in _parts(file):
-        rows = _numbers(text, shape, chosen)
+        rows = _numbers(text, form, chosen)
         if count + len(rows) > len(data):  # lines ended in both ways
             raise DataError("mixed line endings; save the file with one kind of line ending")
         data[count : count + len(rows)] = rows
         count += len(rows)
-    return choice.series(data[:count])
+    return choice.to_series(data[:count])
 
 
 def _parts(file: BinaryIO) -> Iterator[bytes]:
@@ -246,30 +165,30 @@ def _parts(file: BinaryIO) -> Iterator[bytes]:
     yield rest
 
 
-def _numbers(text: bytes, shape: CsvShape, chosen: Sequence[str]) -> Array:
+def _numbers(text: bytes, form: TableForm, chosen: Sequence[str]) -> Array:
     import pyarrow as pa
     import pyarrow.csv as pc
 
     if not text.strip():
         return np.empty((0, len(chosen)))
-    text = shape.table(text)
+    text = form.clean(text)
     try:
         table = pc.read_csv(
             pa.BufferReader(text),
             # by one thread: one that is still at work when the interpreter is taken down may abort it
             pc.ReadOptions(
-                column_names=[str(i) for i in range(len(shape.headers))], use_threads=False, block_size=len(text) + 1
+                column_names=[str(i) for i in range(len(form.headers))], use_threads=False, block_size=len(text) + 1
             ),
-            pc.ParseOptions(delimiter=shape.delimiter),
+            pc.ParseOptions(delimiter=form.delimiter),
             pc.ConvertOptions(
                 column_types=dict.fromkeys(chosen, pa.float64()),
                 include_columns=list(dict.fromkeys(chosen)),
-                null_values=["", "-", "NA", "N/A", "NaN", "nan", "null", "None"],
-                decimal_point=shape.decimal,
+                null_values=missing_words(),
+                decimal_point=form.decimal,
             ),
         )
     except pa.ArrowInvalid as error:
-        raise DataError(f"not a table of numbers after line {shape.first} ({one_line(error, 160)})") from error
+        raise DataError(f"not a table of numbers after line {form.first} ({one_line(error, 160)})") from error
     return np.column_stack([table[name].to_numpy() for name in chosen])
 
 
@@ -285,24 +204,47 @@ def _read_parquet(path: Path, source: BinaryIO, columns: Sequence[str], rate: fl
         with pq.ParquetFile(source, pre_buffer=False, buffer_size=_PART) as file:
             every = list(file.schema_arrow)
             settled = f"icmj.{SETTLED}".encode() in (file.schema_arrow.metadata or {})
-            good = [i for i, f in enumerate(every) if pa.types.is_floating(f.type) or pa.types.is_integer(f.type)]
+            good = [i for i, f in enumerate(every) if _holds_numbers(f.type)]
+            left = [f"{f.name}, which is of type {f.type}" for i, f in enumerate(every) if i not in good]
             fields = [every[i] for i in good]
             if not fields:
                 raise DataError("no column of numbers")
             units = [(f.metadata or {}).get(b"unit", b"").decode(errors="replace") for f in fields]
-            choice = _Choice.of([f.name for f in fields], units, columns, rate)
+            units = ["s" if pa.types.is_temporal(f.type) else unit for f, unit in zip(fields, units, strict=True)]
+            choice = choose_columns([f.name for f in fields], units, columns, rate, left)
             names = [f.name for f in every]  # two may have one name
             chosen = [(names[good[i]], names[: good[i]].count(names[good[i]])) for i in choice.at]
             data, count = choice.room(file.metadata.num_rows), 0
             for batch in file.iter_batches(_ROWS, columns=list({name for name, _ in chosen}), use_threads=False):
                 for i, (name, which) in enumerate(chosen):
                     column = batch.column(batch.schema.get_all_field_indices(name)[which])
-                    data[count : count + len(batch), i] = column.to_numpy(zero_copy_only=False)
+                    data[count : count + len(batch), i] = _to_numbers(column)
                 count += len(batch)
     except (pa.ArrowException, OSError, IndexError) as error:
         raise DataError(f"not a Parquet file that can be read ({one_line(error, 160)})") from error
-    series = choice.series(data[:count])
+    series = choice.to_series(data[:count])
     return replace(series, facts={**series.facts, SETTLED: ""}) if settled else series
+
+
+def _holds_numbers(kind: pa.DataType) -> bool:
+    import pyarrow.types as kinds
+
+    return bool(
+        kinds.is_floating(kind) or kinds.is_integer(kind) or kinds.is_decimal(kind) or kinds.is_timestamp(kind)
+        or kinds.is_duration(kind)
+    )  # fmt: skip
+
+
+def _to_numbers(column: pa.Array) -> Array:
+    """Numbers; of times and durations those of seconds."""
+    import pyarrow as pa
+
+    kind = column.type
+    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
+        return _to_numbers(column.cast(pa.int64())) * {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
+    if pa.types.is_decimal(kind):
+        column = column.cast(pa.float64())
+    return np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)
 
 
 def _read_npz(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
@@ -311,22 +253,28 @@ def _read_npz(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | 
         told = read_npz(path, _MOST_WORDS, ("names", "units")) if "names" in headers else {}
         if any(texts.dtype.kind not in "US" for texts in told.values()):
             raise DataError("names and units are not arrays of text")
-        vectors = [name for name, (shape, kind) in headers.items() if len(shape) == 1 and kind.kind in "fiu"]
+        kept = {name: one for name, one in headers.items() if name not in ("names", "units", "facts")}
+        shapes = {name: shape for name, (shape, kind) in kept.items() if kind.kind in "fiu" and shape}
+        several = [name for name, shape in shapes.items() if len(shape) == 2 and shape[1] > 1]
+        if several:
+            raise DataError(f"{several[0]} has shape {shapes[several[0]]}; save each column under a name of its own")
+        vectors = [name for name, shape in shapes.items() if shape[1:] in ((), (1,))]
+        left = [f"{name}, which is no vector of numbers" for name in kept if name not in vectors]
         lengths = {headers[name][0][0] for name in vectors}
         if len(lengths) != 1:
             raise DataError("expected one-dimensional arrays of numbers, all of the same length")
         names, texts = (told.get(key, np.zeros(0, str)).astype(str).ravel().tolist() for key in ("names", "units"))
         known = dict(zip(names, texts, strict=False))
-        choice = _Choice.of(vectors, [known.get(name, "") for name in vectors], columns, rate)
+        choice = choose_columns(vectors, [known.get(name, "") for name in vectors], columns, rate, left)
         data = choice.room(lengths.pop())
         chosen = [vectors[i] for i in choice.at]
         for name, values in each_npz(path, 8 * MOST_NUMBERS * 2, chosen):
-            data[:, [i for i, other in enumerate(chosen) if other == name]] = values[:, None]
+            data[:, [i for i, other in enumerate(chosen) if other == name]] = values.reshape(-1, 1)
     except DataError:
         raise
     except ValueError as error:
         raise DataError(str(error)) from error
-    return choice.series(data)
+    return choice.to_series(data)
 
 
 READERS: dict[str, Callable[[Path, BinaryIO, Sequence[str], float | None], Series]] = {
@@ -337,77 +285,13 @@ READERS: dict[str, Callable[[Path, BinaryIO, Sequence[str], float | None], Serie
     ".c3d": _read_c3d,
 }
 
-
-def write_series(series: Series, path: Path | str) -> None:
-    """Write ``series`` to a file whose suffix determines the format.
-
-    ============  ===================================================================================================
-    ``.csv``      a header such as ``t [s],ankle [rad]``, then numbers that are restored bit for bit; UTF-8
-    ``.parquet``  columns ``t``, ``ankle``; the ``unit`` in the metadata of each field, the facts in that of the schema
-    ``.npz``      arrays ``t``, ``ankle``; ``names`` and ``units`` (including those of ``t``), ``facts`` as JSON text
-    ============  ===================================================================================================
-
-    Raises:
-        DataError: if the suffix is not one of these, or the file cannot be written.
-    """
-    path = Path(path)
-    if path.suffix not in FORMATS:
-        raise DataError(
-            f"{path}: cannot write {path.suffix or 'a file without a suffix'}; expected {', '.join(FORMATS)}"
-        )
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with whole(path) as part:
-            FORMATS[path.suffix](series, part)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror or error})") from error
-
-
-def _write_csv(series: Series, part: Path) -> None:
-    import pyarrow as pa
-    import pyarrow.csv as pc
-
-    columns = (series.t, *series.values.T)
-    table = pa.table([pa.array(column) for column in columns], names=[str(i) for i in range(len(columns))])
-    with open(part, "wb") as file:
-        file.write((",".join(_quote(name) for name in series.headers) + "\n").encode())
-        pc.write_csv(table, file, pc.WriteOptions(include_header=False, quoting_style="none"))
-
-
-def _quote(name: str) -> str:
-    name = " ".join(name.split())
-    return '"' + name.replace('"', '""') + '"' if "," in name or '"' in name else name
-
-
-def _write_parquet(series: Series, part: Path) -> None:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    fields = [
-        pa.field(name, pa.float64(), metadata={"unit": unit})
-        for name, unit in zip(("t", *series.names), ("s", *series.units), strict=True)
-    ]
-    schema = pa.schema(fields, metadata={f"icmj.{key}": value for key, value in series.facts.items()})
-    pq.write_table(pa.table([pa.array(column) for column in (series.t, *series.values.T)], schema=schema), part)
-
-
-def _write_npz(series: Series, part: Path) -> None:
-    arrays = {"t": series.t, **{name: series.values[:, i] for i, name in enumerate(series.names)}}
-    own = sorted({"t", "names", "units", "facts"} & set(series.names))
-    if own:
-        raise DataError(f"the name {own[0]!r} is reserved in npz files; rename the signal")
-    facts = {
-        "names": np.array(["t", *series.names]),
-        "units": np.array(["s", *series.units]),
-        "facts": np.array(json.dumps(dict(series.facts), ensure_ascii=False)),
-    }
-    with open(part, "wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays, **facts)
-
-
-FORMATS: dict[str, Callable[[Series, Path], None]] = {
-    ".csv": _write_csv,
-    ".parquet": _write_parquet,
-    ".npz": _write_npz,
+_TABLE = "save its table as CSV, with names and units in the first row"
+ELSEWHERE = {
+    **dict.fromkeys((".xlsx", ".xls", ".ods"), _TABLE),
+    **dict.fromkeys(
+        (".mat", ".h5", ".hdf5"), "save its arrays as npz (numpy.savez) or CSV, one column for each signal"
+    ),
+    **dict.fromkeys((".trc", ".anc", ".tdf", ".qtm"), "export it as C3D or as a table"),
+    **dict.fromkeys((".zip", ".gz", ".7z"), "unpack it first"),
 }
-"""What writes a file of each suffix."""
+"""What to do with files of other formats, by suffix."""

@@ -55,6 +55,7 @@ REMARKS = {
     "odd": "",
     "load": "",
     "part": "",
+    "left out": "",
     "resampled": "resampled by a ",
 }  # facts that people are told, and the words before them
 

@@ -24,6 +24,13 @@ QUANTITIES: Mapping[str, Mapping[str, float]] = {
     "torque": {f"{p}N{q}m": a * b for p, a in _PREFIXES.items() for q, b in _PREFIXES.items() if q in ("", "c", "m")},
 }
 """Units of each quantity, without blanks and signs of multiplication, in rad, m, N or N m."""
+_OF_TIME = {1.0: "s sec secs second seconds", 1e-3: "ms msec milliseconds", 1e-6: "us µs μs usec microseconds"}
+SECONDS: Mapping[str, float] = {
+    name: size for size, names in {**_OF_TIME, 1e-9: "ns"}.items() for name in names.split()
+}
+"""Units of time, in small letters, in s."""
+_OTHERS = ("-", "1", "%", "hz", "v", "mv", "kg", "g", "n/a", "a.u.", "au", "bw", "h", "min")
+_RATES = ("", "/s", "/s2", "/s^2", "/s²", "/kg")
 _SHOWN = {"angle": ("rad", "deg"), "length": ("m", "cm", "mm"), "force": ("N", "kN"), "torque": ("N m", "N cm", "N mm")}
 _PRODUCT = str.maketrans("", "", " ·⋅*.×")
 
@@ -31,6 +38,15 @@ _PRODUCT = str.maketrans("", "", " ·⋅*.×")
 def canonical(unit: str) -> str:
     """A unit without blanks and signs of multiplication."""
     return unit.translate(_PRODUCT)
+
+
+def is_unit(words: str) -> bool:
+    """Whether a field of a table is a unit, in brackets or not, or empty, as below a name without a unit."""
+    plain = canonical(words.strip("[]() "))
+    known = plain.lower() in SECONDS or plain.lower() in _OTHERS or not plain
+    return known or any(
+        plain.removesuffix(rate) in units and plain.endswith(rate) for units in QUANTITIES.values() for rate in _RATES
+    )
 
 
 def factor_of(unit: str, quantity: str, name: str) -> float:

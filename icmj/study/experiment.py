@@ -43,8 +43,9 @@ from icmj.report.experiment import Row, experiment_page
 from icmj.runfile.experiment_tables import CaseTable, ExperimentFile, load_experiment
 from icmj.runfile.schema import RunFile
 from icmj.series.plausibility import doubt
-from icmj.series.reading import FORMATS, read_series
+from icmj.series.reading import read_series
 from icmj.series.series import SETTLED, Series
+from icmj.series.writing import FORMATS
 from icmj.simulation.settings import reseeded
 from icmj.study.estimate import refuse_trials
 from icmj.study.kind import CaseResult, DoubleStepKind, Experiment, Kind, QuietStandingKind

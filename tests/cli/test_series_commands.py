@@ -74,8 +74,8 @@ def test_measure_takes_the_centre_of_pressure_of_who_stands_on_a_floor(root, tmp
 FILES = {
     "gap.csv": "t,a\n" + "".join(f"{t:.2f},1\n" for t in np.arange(0, 9, 0.01) if not 3 < t < 4),
     "nan.csv": "t,a\n" + "".join(f"{t:.2f},{'nan' if t > 5 else t}\n" for t in np.arange(0, 9, 0.01)),
-    "short.csv": "t,a\n0,1\n1,2\n",
-    "wide.csv": ("t," + ",".join("abcdefgh") + "\n") + "0,1,1,1,1,1,1,1,1\n1,1,1,1,1,1,1,1,1\n",
+    "short.csv": "t [s],a\n0,1\n1,2\n",
+    "wide.csv": ("t [s]," + ",".join("abcdefgh") + "\n") + "0,1,1,1,1,1,1,1,1\n1,1,1,1,1,1,1,1,1\n",
     "clockless.csv": "a,b\n1,2\n3,4\n",
     "words.csv": "once upon a time\nthere was no table\n",
 }

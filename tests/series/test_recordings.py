@@ -7,7 +7,7 @@ import pytest
 
 from icmj import Series, read_series, write_series
 from icmj.errors import DataError
-from icmj.series import formats
+from icmj.series import c3d
 
 T = np.arange(0, 4, 0.01)
 
@@ -290,27 +290,27 @@ def test_a_c3d_with_more_frames_than_its_reader_counts_is_refused(tmp_path, told
 
 def test_a_reader_that_dies_or_takes_too_long_is_told(recording, tmp_path, monkeypatch):
     program = tmp_path / "reader.py"
-    monkeypatch.setattr(formats, "_READER", program)
+    monkeypatch.setattr(c3d, "_READER", program)
     program.write_text("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
     with pytest.raises(DataError, match="reading it ended the reader"):
         read_series(recording[0])
     program.write_text("import time; time.sleep(30)")
     with pytest.raises(DataError, match=r"takes more than 0.2 s"):
-        formats.groups_of(recording[0], longest=0.2)
+        c3d.groups_of(recording[0], longest=0.2)
 
 
 def test_the_reader_has_one_thread_of_blas(recording, tmp_path, monkeypatch):
     """On a machine of sixty processors their threads take more addresses than the reader may use."""
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "64")
-    monkeypatch.setattr(formats, "_READER", tmp_path / "reader.py")
+    monkeypatch.setattr(c3d, "_READER", tmp_path / "reader.py")
     program = "import os, sys; sys.stderr.write(os.environ['OPENBLAS_NUM_THREADS'] + ' thread'); sys.exit(3)"
-    formats._READER.write_text(program)
+    c3d._READER.write_text(program)
     with pytest.raises(DataError, match="1 thread"):
-        formats.groups_of(recording[0])
+        c3d.groups_of(recording[0])
 
 
 def test_without_ezc3d_one_line_says_so(tmp_path, monkeypatch):
     (tmp_path / "a.c3d").write_bytes(b"\0")
-    monkeypatch.setattr(formats.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(c3d.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(DataError, match="ezc3d, which reads C3D, is not installed; `pip install ezc3d`"):
         read_series(tmp_path / "a.c3d")

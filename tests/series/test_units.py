@@ -5,9 +5,9 @@ import pytest
 
 from icmj.errors import DataError
 from icmj.measurement.sway import from_torque
-from icmj.series.reading import write_series
 from icmj.series.series import Series
 from icmj.series.units import QUANTITIES, factor_of
+from icmj.series.writing import write_series
 
 T = np.arange(2000) / 100
 SWAY = 5e-3 * np.sin(0.8 * T)  # m

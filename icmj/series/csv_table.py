@@ -1,0 +1,316 @@
+"""The form of a table of text: where its rows begin, what separates their fields, and what its columns are called.
+
+Most single lines can be read in several ways: ``1,234`` is a number with a decimal comma, one with separated thousands,
+or two numbers. The form is therefore that in which most cells of the longest run of alike lines are numbers. Where two
+forms explain a table equally well, it is refused with what would tell them apart.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+from icmj.base.text import one_line
+from icmj.errors import DataError
+from icmj.series.units import is_unit
+
+HEAD = 200  # lines that are looked at
+LONGEST_LINE = 200_000  # bytes of one line
+MISSING = (
+    *("", "-", "--", ".", "..", "...", "…", "*", "?", "na", "n/a", "nan", "-nan", "null", "none", "missing"),
+    *("#n/a", "#na", "#nv", "#value!", "#wert!", "#div/0!", "#num!", "#ref!"),
+)
+"""What stands for a missing number, in small letters."""
+_CELLS = 100_000  # of a run that are looked at
+_LINE = re.compile(rb"[^\r\n]*(?:\r\n?|\n)|[^\r\n]+")
+_SIGN, _POWER = "[-+−]?", r"([eEdD][-+]?\d+)?"
+_PLAIN = {  # a number by its decimal sign
+    ".": re.compile(rf"{_SIGN}(\d+\.?\d*|\.\d+){_POWER}|[-+]?inf", re.IGNORECASE),
+    ",": re.compile(rf"{_SIGN}(\d+(,\d+)?|,\d+){_POWER}|[-+]?inf", re.IGNORECASE),
+}
+_GROUPED = {  # one whose thousands are separated by the other sign
+    ".": re.compile(rf"{_SIGN}[1-9]\d{{0,2}}(,\d{{3}})+(\.\d*)?"),
+    ",": re.compile(rf"{_SIGN}[1-9]\d{{0,2}}(\.\d{{3}})+(,\d*)?"),
+}
+_SMALL = re.compile(rf"{_SIGN}\d{{1,3}}")
+_WITH_WORDS = re.compile(rf"{_SIGN}\d+([.,]\d+)?\s*[^\W\d]+[^\d]*")
+_SPLIT = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")  # names between blanks, each with its unit
+_FORTRAN = re.compile(rb"(?<=[\d.])[dD](?=[-+]?\d)")
+_MINUS = "−".encode()
+
+
+@dataclass(frozen=True)
+class TableForm:
+    """The form of a table of text.
+
+    Attributes:
+        headers: of all columns; "" where there is none.
+        units: of all columns, from a row of units below the names; "" where there is none.
+        numeric: which columns hold numbers; a column without a name and a number is none, nor are numbers of rows.
+        faults: what is no number in a column of numbers, or has a word in each cell, by the place of the column.
+        delimiter: between fields; a blank stands for any number of them.
+        decimal: "." or ",".
+        grouped: whether the other of these signs separates thousands.
+        first: the line where numbers begin, counted from 1.
+        offset: where that is in the file [bytes].
+    """
+
+    headers: tuple[str, ...]
+    units: tuple[str, ...]
+    numeric: tuple[bool, ...]
+    faults: dict[int, str]
+    delimiter: str
+    decimal: str
+    grouped: bool
+    first: int
+    offset: int
+
+    def clean(self, rows: bytes) -> bytes:
+        """Some rows with one ``delimiter`` between their fields, and numbers as computers write them."""
+        if self.delimiter == " ":
+            rows = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", rows))
+        if self.grouped:
+            rows = rows.replace(b"." if self.decimal == "," else b",", b"")
+        return _FORTRAN.sub(b"e", rows.replace(_MINUS, b"-"))
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A line of the file: its number from 1, its text without surrounding white space, and its offset [bytes]."""
+
+    number: int
+    words: str
+    offset: int
+
+    @property
+    def remark(self) -> bool:
+        return self.words.startswith(("#", "%")) and not self.words.lower().startswith(MISSING[-8:])
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Successive lines with as many fields each, and a number in each."""
+
+    lines: tuple[_Line, ...]
+    rows: tuple[tuple[str, ...], ...]
+    delimiter: str
+    decimal: str
+
+    def column(self, i: int) -> list[str]:
+        return [row[i] for row in self.rows]
+
+    @property
+    def width(self) -> int:
+        return len(self.rows[0])
+
+    @property
+    def worth(self) -> tuple[int, float, int]:
+        """How well it explains the file: cells that are numbers, their share, and how few have separated thousands."""
+        cells = [cell for row in self.rows for cell in row]
+        numbers = sum(_is_number(cell, self.decimal) for cell in cells)
+        known = numbers + sum(cell.lower() in MISSING for cell in cells)
+        return numbers, known / len(cells), -sum(bool(_GROUPED[self.decimal].fullmatch(cell)) for cell in cells)
+
+    def kinds(self) -> tuple[bool, ...]:
+        return tuple(any(_is_number(cell, self.decimal) for cell in self.column(i)) for i in range(self.width))
+
+
+def find_form(text: bytes) -> TableForm:
+    """The form of a table from its first :data:`HEAD` lines.
+
+    Raises:
+        DataError: if it is no text, no row of numbers is among them, two forms are as good, or names do not fit.
+    """
+    if not text.strip():
+        raise DataError("the file is empty")
+    if b"\0" in text[:LONGEST_LINE]:
+        raise DataError("not text; expected CSV, Parquet (.parquet) or npz (.npz)")
+    lines = [line for line in _lines(text) if line.words]
+    found = [run for delimiter in ";\t, " for decimal in ".," if (run := _longest(lines, delimiter, decimal))]
+    if not found:
+        last = one_line(lines[-1].words, 60)
+        raise DataError(f"no rows of numbers in its first {lines[-1].number} lines (the last is {last!r})")
+    best = _decide(max(found, key=lambda run: run.worth), found, lines)
+    above = [line for line in lines if line.number < best.lines[0].number]
+    _refuse_earlier_table(best, above)
+    headers, units, numbers_rows = _name(best, above)
+    numeric, faults = _sort_columns(best, headers, numbers_rows)
+    grouped = any(_GROUPED[best.decimal].fullmatch(cell) for row in best.rows for cell in row)
+    first = best.lines[0]
+    return TableForm(headers, units, numeric, faults, best.delimiter, best.decimal, grouped, first.number, first.offset)
+
+
+def _lines(text: bytes) -> list[_Line]:
+    found: list[_Line] = []
+    offset = 0
+    for number, raw in enumerate(islice((line.group() for line in _LINE.finditer(text)), HEAD), 1):
+        if len(raw) > LONGEST_LINE:
+            raise DataError(f"line {number} has more than {LONGEST_LINE} characters; expected a table")
+        try:
+            words = raw.decode("utf-8-sig")
+        except UnicodeDecodeError:  # what Western European spreadsheets wrote before
+            words = raw.decode("cp1252", errors="replace")
+        found.append(_Line(number, words.strip(), offset))
+        offset += len(raw)
+    return found
+
+
+def _longest(lines: Sequence[_Line], delimiter: str, decimal: str) -> _Run | None:
+    """The longest run of a form, the first of several."""
+    if (delimiter, decimal) == (",", ","):
+        return None
+    best: list[tuple[_Line, tuple[str, ...]]] = []
+    run: list[tuple[_Line, tuple[str, ...]]] = []
+    for line in lines:
+        row = () if line.remark or (delimiter not in line.words and delimiter != " ") else _fields(line, delimiter)
+        if run and (len(row) != len(run[0][1]) or len(run) * len(row) > _CELLS):
+            best, run = max(best, run, key=len), []
+        if row and any(_is_number(cell, decimal) for cell in row):
+            run.append((line, row))
+        else:
+            best, run = max(best, run, key=len), []
+    best = max(best, run, key=len)
+    if not best:
+        return None
+    return _Run(tuple(line for line, _ in best), tuple(row for _, row in best), delimiter, decimal)
+
+
+def _fields(line: _Line, delimiter: str) -> tuple[str, ...]:
+    if delimiter == " ":
+        return tuple(line.words.split())
+    try:
+        return tuple(field.strip() for field in next(csv.reader([line.words], delimiter=delimiter), []))
+    except csv.Error as error:
+        raise DataError(f"line {line.number} is not a row of a table ({error})") from error
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    return bool(_PLAIN[decimal].fullmatch(cell) or _GROUPED[decimal].fullmatch(cell))
+
+
+def _decide(best: _Run, found: Sequence[_Run], lines: Sequence[_Line]) -> _Run:
+    """Which of two forms it is that are as good: by a column, or by the names above.
+
+    Raises:
+        DataError: if neither tells.
+    """
+    cells = one_line(" ".join(best.rows[0]), 40)
+    other = "," if best.decimal == "." else "."
+    tells = any(
+        best.decimal in cell and _is_number(cell, best.decimal) and not _GROUPED[other].fullmatch(cell)
+        for row in best.rows
+        for cell in row
+    )
+    for i in range(best.width) if best.delimiter != "," and not tells else ():
+        # numbers with three digits behind a sign, and shorter ones without: 4.720 and 987
+        column = best.column(i)
+        long = [cell for cell in column if _GROUPED[other].fullmatch(cell)]
+        if long and len(long) < len(column) and all(cell in long or _SMALL.fullmatch(cell) for cell in column):
+            raise DataError(
+                f"{long[0]!r} has decimals or separated thousands, and no other column tells; save numbers without "
+                "separators of thousands"
+            )
+    if best.delimiter != "," or best.width % 2 or any(not cell.lstrip("-+").isdecimal() for cell in best.rows[0]):
+        return best
+    names = next((line for line in reversed(lines) if line.number < best.lines[0].number), None)
+    count = 0 if names is None else len(_fields(names, ","))
+    whole = all(cell.isdecimal() for i in range(1, best.width, 2) for cell in best.column(i))
+    even = {len(cell) for i in range(1, best.width, 2) for cell in best.column(i)}
+    if count == best.width or not whole:
+        return best
+    single = next((run for run in found if run.width == 1 and run.decimal == ","), None)
+    if best.width == 2 and single is not None and count == 1:
+        return single
+    if count == best.width // 2 or (len(even) == 1 and even != {1}):
+        raise DataError(
+            f"{cells!r}: commas separate columns, or whole numbers from decimals; separate columns by semicolons, or "
+            "write a name above each"
+        )
+    return best
+
+
+def _refuse_earlier_table(run: _Run, above: Sequence[_Line]) -> None:
+    """Rows before the table that look like its own belong to another, or are lost by a line between them."""
+    kinds = run.kinds()
+    for line in above:
+        if run.delimiter not in line.words and run.delimiter != " ":
+            continue
+        row = _fields(line, run.delimiter)
+        if len(row) == run.width > 1 and tuple(_is_number(cell, run.decimal) for cell in row) == kinds:
+            raise DataError(f"line {line.number} is a row, and a table begins in line {run.lines[0].number}; save one")
+
+
+def _name(run: _Run, above: Sequence[_Line]) -> tuple[tuple[str, ...], tuple[str, ...], bool]:
+    """Names and units of the columns from the lines above them, and whether the first column numbers the rows.
+
+    Raises:
+        DataError: if there is a row of names that does not fit.
+    """
+    nothing = ("",) * run.width
+    if not above:
+        return nothing, nothing, False
+    names, units = _split_names(above[-1], run), nothing
+    if len(above) > 1 and len(names) <= run.width and any(names) and all(is_unit(name) for name in names):
+        higher = _split_names(above[-2], run)
+        if len(higher) >= len(names) and not any(_is_number(name, run.decimal) for name in higher):
+            names, units = higher, tuple(name.strip("[]() ") for name in (*names, *nothing))[: run.width]
+    if any(_is_number(name, run.decimal) for name in names):
+        return nothing, nothing, False
+    if len(names) > run.width and not any(names[run.width :]):
+        names = names[: run.width]
+    counts = _counts_rows(run.column(0))
+    if len(names) == run.width - 1 and not any(run.kinds()[-1:]) and all(c.lower() in MISSING for c in run.column(-1)):
+        names = (*names, "")
+    elif len(names) == run.width - 1 and len(names) > 0 and counts:
+        return ("", *names), ("", *units)[: run.width] if any(units) else nothing, True
+    if len(names) == run.width:
+        return names, units, counts and not names[0] and any(names)
+    # a single word, or a sentence between blanks, is a title
+    if len(names) > 1 and run.delimiter != " ":
+        raise DataError(
+            f"line {above[-1].number} has {len(names)} names, the rows below it have {run.width} columns; name each"
+        )
+    return nothing, nothing, False
+
+
+def _split_names(line: _Line, run: _Run) -> tuple[str, ...]:
+    words = line.words.lstrip("#% ") if line.remark else line.words
+    plain = _Line(line.number, words, line.offset)
+    for delimiter in (run.delimiter, *";\t,"):
+        if delimiter in words and len(fields := _fields(plain, delimiter)) == run.width:
+            return fields
+    if run.delimiter == " ":
+        joined = tuple(" ".join(part.split()) for part in _SPLIT.findall(words))
+        return joined if len(joined) == run.width else tuple(re.split(r"\s{2,}|\t", words))
+    return _fields(plain, run.delimiter)
+
+
+def _counts_rows(cells: Sequence[str]) -> bool:
+    """Whether they are 0, 1, 2, … or 1, 2, 3, …"""
+    numbers = [int(cell) if cell.isdecimal() and len(cell) < 10 else -1 for cell in cells]
+    return len(cells) > 1 and numbers[0] in (0, 1) and numbers == list(range(numbers[0], numbers[0] + len(cells)))
+
+
+def _sort_columns(run: _Run, headers: Sequence[str], numbers_rows: bool) -> tuple[tuple[bool, ...], dict[int, str]]:
+    """Which columns hold numbers, and what is wrong in those that are to."""
+    numeric, faults = [], {}
+    for i in range(run.width):
+        cells = run.column(i)
+        numbers = sum(_is_number(cell, run.decimal) for cell in cells)
+        odd = [cell for cell in cells if not _is_number(cell, run.decimal) and cell.lower() not in MISSING]
+        numeric.append(bool(numbers or (headers[i] and not odd)) and not (numbers_rows and i == 0))
+        if odd and (numbers or all(_WITH_WORDS.fullmatch(cell) for cell in odd)):
+            faults[i] = one_line(odd[0], 40)
+    return tuple(numeric), faults
+
+
+def missing_words() -> list[str]:
+    """What stands for a missing number, in each way of writing it."""
+    return sorted({way for word in MISSING for way in (word, word.upper(), word.title(), _camel(word))})
+
+
+def _camel(word: str) -> str:
+    return {"nan": "NaN", "-nan": "-NaN"}.get(word, word)

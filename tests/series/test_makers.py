@@ -1,0 +1,206 @@
+"""Recordings in the manner of laboratories, exporters and spreadsheets: read as they are meant, or asked about."""
+
+import datetime
+import decimal
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from icmj.errors import DataError
+from icmj.series.reading import read_series
+
+N, RATE = 400, 100.0
+RANDOM = np.random.default_rng(1)
+AP, ML = np.round(3.8 * RANDOM.standard_normal(N), 4), np.round(2.1 * RANDOM.standard_normal(N), 4)  # mm
+T = np.arange(N) / RATE
+ROWS = list(zip(T, AP, ML, strict=True))
+
+
+def table(head, rows, between=",", point=".", end=""):
+    """Text of a table; what is text in ``rows`` already stands as it is."""
+    lines = [] if head is None else [head]
+    for row in rows:
+        cells = [cell if isinstance(cell, str) else f"{cell:.4f}".replace(".", point) for cell in row]
+        lines.append(between.join(cells) + end)
+    return "\n".join(lines) + "\n"
+
+
+def whole(scale=1.0, first=0):
+    """Rows that begin with a whole number, 0 or ``first`` and ``scale`` more each."""
+    return [(str(first + round(scale * i)), *row[1:]) for i, row in enumerate(ROWS)]
+
+
+def micrometres(value, thousand):
+    return f"{round(1000 * value):,}".replace(",", thousand)
+
+
+HEAD, COMMAS = "t [s],ap [mm],ml [mm]", "t [s];ap [mm];ml [mm]"
+GERMAN = [(f"{t:.2f}".replace(".", ","), micrometres(a, "."), micrometres(m, ".")) for t, a, m in ROWS]
+ENGLISH = [(f"{t:.2f}", micrometres(a, ","), micrometres(m, ",")) for t, a, m in ROWS]
+READ = {
+    "decimal commas between blanks": table("t[s] ap[mm] ml[mm]", ROWS, " ", ","),
+    "names with units between blanks": table("t [s] ap [mm] ml [mm]", ROWS, "   "),
+    "decimal commas between tabs": table("t [s]\tap [mm]\tml [mm]", ROWS, "\t", ","),
+    "thousands with points": table("t [s];ap [µm];ml [µm]", GERMAN, ";"),
+    "thousands with commas": table("t [s]\tap [µm]\tml [µm]", ENGLISH, "\t"),
+    "typographic minus": table(HEAD, ROWS).replace("-", "−"),
+    "exponents with D": table(HEAD, [tuple(f"{v:.6e}".replace("e", "D") for v in row) for row in ROWS]),
+    "a row of units": table("time,ap,ml\nms,mm,mm", whole(10)),
+    "a row of units in brackets": table("time,ap,ml\n[s],[mm],[mm]", ROWS),
+    "keys before it": "age: 23\nmass: 71.2\nheight: 1.8\n\n" + table(HEAD, ROWS),
+    "keys in its form before it": "Subject,1\nRate,100\n" + table(HEAD, ROWS),
+    "keys with decimal commas before it": "weight;71,2\nheight;1,80\n" + table(COMMAS, ROWS, ";", ","),
+    "layers of a marker system": (
+        "Format Version,1.23,Take Name,x,Capture Frame Rate,100.0\n\n,,Marker,Marker\n,,p,p\n"
+        + table("Frame,Time (Seconds),ap [mm],ml [mm]", [(str(i), *row) for i, row in enumerate(ROWS)])
+    ),
+    "a separator at each end": table(HEAD, ROWS, end=","),
+    "a separator at each end, of names, too": table(HEAD + ",", ROWS, end=","),
+    "numbers of rows without a name": table(HEAD, [(f'"{i + 1}"', *row) for i, row in enumerate(ROWS)]),
+    "an index": table("," + HEAD, [(str(i), *row) for i, row in enumerate(ROWS)]),
+    "times in another language": table("Zeit [s],ap [mm],ml [mm]", ROWS),
+    "times of a long name": table("abs time (s),ap [mm],ml [mm]", ROWS),
+    "a unit in the name of the times": table("time_ms,ap [mm],ml [mm]", whole(10)),
+    "a second column of times": table(
+        "t [s],time since start [s],ap [mm],ml [mm]", [(row[0], f"{row[0] + 5:.4f}", *row[1:]) for row in ROWS]
+    ),
+    "numbered frames": table("frame," + HEAD, [(str(7 + i), *row) for i, row in enumerate(ROWS)]),
+    "a column of text": table("t [s],ap [mm],eyes,ml [mm]", [(t, a, "open", m) for t, a, m in ROWS]),
+}
+
+
+LEFT = {
+    "layers of a marker system": "Frame, which counts rows or time",
+    "a second column of times": "time since start, which counts rows or time",
+    "numbered frames": "frame, which counts rows or time",
+    "a column of text": "eyes, which is text",
+}
+
+
+def shown(series):
+    """The signals in millimetres."""
+    return series.values * [{"mm": 1.0, "µm": 1e-3}[unit] for unit in series.units]
+
+
+@pytest.mark.parametrize("kind", READ)
+def test_what_a_person_reads_in_one_way_is_read_so(kind, tmp_path):
+    path = tmp_path / "sway.txt"
+    path.write_text(READ[kind], encoding="utf-8")
+    series = read_series(path)
+    assert series.names == ("ap", "ml")
+    assert np.diff(series.t) == pytest.approx(1 / RATE)
+    np.testing.assert_allclose(shown(series), np.column_stack([AP, ML]), atol=6e-4)
+    left = LEFT.get(kind, "")
+    assert series.facts.get("left out", "") == (left and f"left out: {left}")
+
+
+@pytest.mark.parametrize("code", ["cp1252", "utf-16", "utf-8-sig"])
+def test_text_of_other_codes_is_read(code, tmp_path):
+    (tmp_path / "sway.csv").write_bytes(table("Zeit [s];Höhe [µm];ml [µm]", ROWS, ";", ",").encode(code))
+    series = read_series(tmp_path / "sway.csv")
+    assert (series.names, series.units) == (("Höhe", "ml"), ("µm", "µm"))
+    np.testing.assert_allclose(series["Höhe"], AP, atol=1e-4)
+
+
+def test_one_column_with_decimal_commas_is_one(tmp_path):
+    (tmp_path / "sway.csv").write_text(table("ap [mm]", [(a,) for a in AP], "", ","))
+    series = read_series(tmp_path / "sway.csv", rate=RATE)
+    assert series.names == ("ap",)
+    np.testing.assert_allclose(series["ap"], AP, atol=1e-4)
+
+
+@pytest.mark.parametrize("word", ["#N/A", "...", "…", "--", "#DIV/0!", "NaN", ""])
+def test_a_column_whose_first_cells_are_missing_is_no_text(word, tmp_path):
+    rows = [(t, word if i < 2 else a, m) for i, (t, a, m) in enumerate(ROWS)]
+    (tmp_path / "sway.csv").write_text(table(HEAD, rows))
+    series = read_series(tmp_path / "sway.csv")
+    assert series.names == ("ap", "ml")
+    assert np.isnan(series["ap"]).tolist() == [True] * 2 + [False] * (N - 2)
+
+
+ASKED = {
+    "numbers of rows as times": (table("time,ap [mm],ml [mm]", whole()), "time rises by 1 from row to row"),
+    "milliseconds without a unit": (table("t,ap [mm],ml [mm]", whole(10)), r"name it 't \[s\]' or 't \[ms\]'"),
+    "microseconds without a unit": (table("t,ap [mm],ml [mm]", whole(1e4)), "t rises by 10000 from row to row"),
+    "times of the day": (
+        table("time,ap [mm],ml [mm]", [(f"00:00:{t:05.2f}", a, m) for t, a, m in ROWS]), "no column of times"
+    ),
+    "numbers with units": (table("t [s],ap", [(t, f"{a:.2f} mm") for t, a, _ in ROWS]), "ap: '.* mm' is no number"),
+    "a word among numbers": (
+        table(HEAD, [(t, "gap" if i == 3 else a, m) for i, (t, a, m) in enumerate(ROWS)]), "ap: 'gap' is no number"
+    ),
+    "fewer names than columns": (table("ap,ml", ROWS), "line 1 has 2 names, the rows below it have 3 columns"),
+    "two tables": (table(HEAD, ROWS[:20]) + "\n" + table(HEAD, ROWS[20:]), "line 2 is a row, and a table begins in"),
+    "commas of two kinds": (
+        table("ap,ml", [(f"{i % 9},{i % 10}{i % 7}", f"{i % 8},{i % 7}{i % 4}") for i in range(N)]),
+        "commas separate columns, or whole numbers from decimals",
+    ),
+    "thousands or decimals": (
+        table("ap [µm];ml [µm]", [(micrometres(a, "."), micrometres(m, ".")) for _, a, m in ROWS], ";"),
+        "has decimals or separated thousands, and no other column tells",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ASKED)
+def test_what_can_be_read_in_two_ways_is_asked_about(kind, tmp_path):
+    text, words = ASKED[kind]
+    (tmp_path / "sway.csv").write_text(text, encoding="utf-8")
+    rate = None if "times" in kind or "seconds" in kind else RATE
+    with pytest.raises(DataError, match=words):
+        read_series(tmp_path / "sway.csv", rate=rate)
+
+
+def test_a_rate_overrules_times_of_an_unknown_unit_and_no_others(tmp_path):
+    (tmp_path / "sway.csv").write_text(table("time,ap [mm],ml [mm]", whole()))
+    assert np.diff(read_series(tmp_path / "sway.csv", rate=RATE).t) == pytest.approx(1 / RATE)
+    (tmp_path / "sway.csv").write_text(table("Zeit [s],ap [mm],ml [mm]", ROWS))
+    assert np.diff(read_series(tmp_path / "sway.csv", rate=50.0).t) == pytest.approx(1 / RATE)
+
+
+@pytest.mark.parametrize("name", ["Dauer", ""])
+def test_times_that_nothing_names_are_asked_about_and_not_measured(name, tmp_path):
+    """A rate was believed, and the times were measured as sway: half the speed, with a wrong rate."""
+    (tmp_path / "sway.csv").write_text(table(f"{name},ap [mm],ml [mm]" if name else None, ROWS))
+    with pytest.raises(DataError, match=rf"{name or 'column 1'} rises by 0\.01 in every row"):
+        read_series(tmp_path / "sway.csv", rate=50.0)
+    named = ["ap", "ml"] if name else ["column 2", "column 3"]
+    assert read_series(tmp_path / "sway.csv", rate=RATE, columns=named).names == tuple(named)
+
+
+def test_columns_of_parquet_are_read_by_what_they_mean(tmp_path):
+    begin = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
+    columns = {
+        "time": pa.array([begin + datetime.timedelta(milliseconds=10 * i) for i in range(N)]),
+        "ap": pa.array([decimal.Decimal(f"{a:.4f}") for a in AP]),
+        "ml": pa.array(ML.astype(np.float32)),
+        "eyes": pa.array(["open"] * N),
+    }
+    pq.write_table(pa.table(columns), tmp_path / "sway.parquet")
+    series = read_series(tmp_path / "sway.parquet")
+    assert series.names == ("ap", "ml")
+    assert np.diff(series.t) == pytest.approx(1 / RATE, rel=1e-4)
+    np.testing.assert_allclose(series["ap"], AP)
+    assert series.facts["left out"] == "left out: eyes, which is of type string"
+    columns["time"] = pa.array([datetime.timedelta(milliseconds=10 * i) for i in range(N)])
+    pq.write_table(pa.table(columns), tmp_path / "sway.parquet")
+    assert read_series(tmp_path / "sway.parquet").t == pytest.approx(T)
+
+
+def test_matrices_of_npz_are_columns_or_asked_about(tmp_path):
+    np.savez(tmp_path / "sway.npz", t=T, ap=AP[:, None])
+    np.testing.assert_array_equal(read_series(tmp_path / "sway.npz").values[:, 0], AP)
+    np.savez(tmp_path / "sway.npz", t=T, ap=AP, both=np.column_stack([AP, ML]))
+    with pytest.raises(DataError, match=r"both has shape \(400, 2\); save each column under a name of its own"):
+        read_series(tmp_path / "sway.npz")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("a.xlsx", "as CSV"), ("a.MAT", "as npz"), ("a.trc", "as C3D"), ("a.gz", "unpack")]
+)
+def test_of_other_formats_one_line_says_what_to_do(name, words, tmp_path):
+    (tmp_path / name).write_bytes(b"PK")
+    with pytest.raises(DataError, match=f"not a format that icmj reads; .*{words}"):
+        read_series(tmp_path / name)
