@@ -351,7 +351,8 @@ class ExperimentCommand(Command):
     experiment: Annotated[Path, POSITIONAL]
     """Experiment file, or name of a shipped experiment."""
     out: Annotated[Path | None, FOLDER] = None
-    """Folder for trials, results and figure (default: runs/out/NAME). The same command resumes an interrupted
+    """Folder for trials, results and figure (default: runs/out/NAME, of recordings
+    runs/out/NAME-RECORDING). The same command resumes an interrupted
     experiment.
     """
     jobs: int | None = None

@@ -401,7 +401,9 @@ def experiment(command: ExperimentCommand) -> None:
             raise StudyError(f"--{option} is of recordings; give --recording, or leave it out")
     file = load_experiment(command.experiment, allow_code=command.allow_code)
     name = file.experiment.name
-    folder = command.out or arguments.RESULTS / (f"{name}-recording" if command.recording else name)
+    whose = [f"-{command.recording[0].stem}"] if command.recording else []
+    whose += [f"-and-{len(command.recording) - 1}-more"] if len(command.recording) > 1 else []
+    folder = command.out or arguments.RESULTS / "".join([name, *whose])
     with Working(name, ERR) as working:
         if command.recording:
             done = analyse_recordings(

@@ -31,7 +31,7 @@ from icmj.errors import DataError, FitError
 from icmj.fitting.family import DURATION, RATE
 from icmj.measurement import sway
 from icmj.series.reading import read_series
-from icmj.series.series import EVEN, Series, even_series
+from icmj.series.series import EVEN, Series, even_series, expect_rate
 from icmj.series.units import factor_of
 
 _SIX = {
@@ -184,7 +184,7 @@ def read_trials(
             gaps, or does not contain the sway of a standing person.
     """
     with _of(path):
-        series = read_series(path, columns=columns, rate=rate, since=since, until=until)
+        series = expect_rate(read_series(path, columns=columns, rate=rate, since=since, until=until), rate)
         chosen = tuple(columns) or _guess_column(series)
         return tuple(part for name in chosen for part in trials_of(series, name, unit=unit))
 

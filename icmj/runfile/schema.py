@@ -186,6 +186,7 @@ def value_text(value: Any) -> str:
     return repr(value)
 
 
+_MODEL_ERROR, _NUMBER = re.compile(r"\bb = [-+]?\d+(\.\d+)?"), re.compile(r"[-+]?\d+(\.\d+)?([eE][-+]?\d+)?")
 _UNKNOWN = object()  # what a file had of which a log keeps only that it was changed
 MOST_BYTES = 10_000_000  # of all files together; a log of more goes without them
 
@@ -376,9 +377,12 @@ class RunFile(TomlTable):
 
     @property
     def title(self) -> str:
-        """The title of the case; marked where values have changed since, for the file's title may name the old ones."""
-        old = self.changes_in_words and "case.title" not in self._changes
-        return f"{self.case.title} (changed)" if old else self.case.title
+        """The title of the case; where values have changed since, it is marked so, and names the model error of now."""
+        if not self.changes_in_words or "case.title" in self._changes:
+            return self.case.title
+        gain = self._changes.get("actual.gain", "")
+        now = _MODEL_ERROR.sub(f"b = {gain}", self.case.title) if _NUMBER.fullmatch(gain) else self.case.title
+        return f"{now} (changed)"
 
     def drawn(self) -> RunFile:
         """The same run file, with what user code draws and columns of files replaced by numbers, which a log keeps.

@@ -325,6 +325,18 @@ def row_step(t: Array) -> float:
     return max(usual, span / (10 * len(t)))
 
 
+def expect_rate(series: Series, rate: float | None) -> Series:
+    """The series, whose rows are as far apart as a rate that was said [Hz], if one was.
+
+    Raises:
+        DataError: if they are not, as the rate of a file with times is not for others to say.
+    """
+    own = 1 / row_step(series.t) if len(series) > 1 else rate
+    if rate is not None and own is not None and abs(own / rate - 1) > EVEN:
+        raise DataError(f"has times, of {own:.6g} rows a second, where a rate of {rate:g} Hz was said; leave it out")
+    return series
+
+
 def even_series(series: Series, rate: float | None = None) -> Series:
     """``series`` at even times: as it is where its times are even already, else by a cubic spline through its rows.
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from io import BytesIO
@@ -44,21 +44,28 @@ from icmj.runfile.experiment_tables import CaseTable, ExperimentFile, load_exper
 from icmj.runfile.schema import RunFile
 from icmj.series.plausibility import doubt
 from icmj.series.reading import read_series
-from icmj.series.series import SETTLED, Series
+from icmj.series.series import SETTLED, Series, expect_rate
 from icmj.series.writing import FORMATS
 from icmj.simulation.settings import reseeded
 from icmj.study.estimate import refuse_trials
 from icmj.study.kind import CaseResult, DoubleStepKind, Experiment, Kind, QuietStandingKind
 from icmj.study.stance import IntersectionPointKind, MultisineKind, PerturbedStanceKind
-from icmj.work.folder import Description, Folder, fingerprint_of, provenance, resume
+from icmj.work.folder import Description, Folder, digest_of, fingerprint_of, provenance, resume
 from icmj.work.workers import Task, Workers, processes
 
 TRIALS = "trials"
 _MOST_BYTES, _MOST_ROWS = 500e6, 10_000_000
 
 
-def resume_experiment(path: Path | str | None, file: ExperimentFile) -> AbstractContextManager[Folder]:
+def resume_experiment(
+    path: Path | str | None, file: ExperimentFile, recordings: Sequence[Mapping[str, Any]] = ()
+) -> AbstractContextManager[Folder]:
     """The folder of an experiment, new or taken up again; a temporary one without a path.
+
+    Args:
+        path: of the folder.
+        file: the experiment.
+        recordings: names, digests and parts of the files that are analysed, in whose place nothing is simulated.
 
     Raises:
         StudyError: as :func:`icmj.work.folder.resume`.
@@ -70,9 +77,12 @@ def resume_experiment(path: Path | str | None, file: ExperimentFile) -> Abstract
         "experiment": file.text,
         "runs": {name: run.text for name, run in zip(file.names, file.runs, strict=True)},
     }
-    mark = {"fingerprint": fingerprint(file)}
-    of = Description("experiment", TRIALS, mark, "experiment file, run file, model or code", more)
-    return resume(path, of, StudyError, again="simulated")
+    mark: dict[str, Any] = {"fingerprint": fingerprint(file)}
+    if recordings:
+        analysed = file.model_dump(exclude={"case": True, "experiment": {"title", "repetitions"}})
+        mark = {"fingerprint": fingerprint_of({"file": analysed}), "recordings": list(recordings)}
+    kinds = "experiment file or recording" if recordings else "experiment file, run file, model or code"
+    return resume(path, Description("experiment", TRIALS, mark, kinds, more), StudyError, again="simulated")
 
 
 def fingerprint(file: ExperimentFile) -> str:
@@ -293,7 +303,7 @@ def analyse_recordings(
     Args:
         file: the experiment file, its path, or the name of a shipped one; its cases are ignored.
         recordings: files that :func:`icmj.read_series` reads: the trials of one person and condition.
-        out: folder for results and figure.
+        out: folder for results and figure, of these recordings alone.
         rate: rows per second of files without times [Hz].
         since, until: times [s] before and after which rows of every recording are left out.
 
@@ -301,12 +311,14 @@ def analyse_recordings(
         RunFileError: if the experiment file does not validate.
         DataError: if a recording cannot be read, a column or its unit is missing, it is shorter than the file asks for,
             or the analysis is not possible.
+        StudyError: if the folder holds another experiment, or one on other recordings.
     """
     made = file if isinstance(file, ExperimentFile) else load_experiment(file)
     kind, trials, notes, same = kind_of(made), list[Recording](), list[str](), dict[bytes, Path]()
     for path in map(Path, recordings):
         try:
-            trials.append(Recording(doubt(kind.read(read_series(path, rate=rate, since=since, until=until)))))
+            series = expect_rate(read_series(path, rate=rate, since=since, until=until), rate)
+            trials.append(Recording(doubt(kind.read(series))))
             first = same.setdefault(trials[-1].series.values.tobytes(), path)
             if len(same) < len(trials):
                 raise DataError(f"holds the same values as {first}; a copy is no further trial, leave it out")
@@ -324,7 +336,9 @@ def analyse_recordings(
     told = CaseResult(name, name, "recording", finding, len(trials), finding.words)
     experiment = Experiment(made, (told,), tuple(Path(path).name for path in recordings), tuple(notes))
     if out is not None:
-        with resume_experiment(out, made) as folder:
+        part = {"rate": rate, "since": since, "until": until}
+        sources = [{"name": Path(path).name, "sha256": digest_of(Path(path)), **part} for path in recordings]
+        with resume_experiment(out, made, sources) as folder:
             write_results(experiment, kind, folder)
     return experiment
 

@@ -17,7 +17,7 @@ def test_a_log_stores_what_really_ran(root, tmp_path, shell):
 
     result = read_log(tmp_path / "mine.linear.rrd")
     assert list(result.run.changes) == [*changes, "study.attractor_starts", "case.name"]
-    assert result.run.title == "Simple system, b = 0.8 (changed)"
+    assert result.run.title == "Simple system, b = 0.85 (changed)"
     said = parse_run(result.run.text, result.run.path)
     for run in (result.run, said):
         assert (run.actual.gain, run.controller.q_t, run.simulation.duration) == (0.85, 0.02, 9.0)
@@ -38,7 +38,7 @@ def test_what_was_set_is_said_wherever_the_title_of_the_file_stands(root, tmp_pa
     options = [word for change in changes for word in ("--set", change)]
     path = str(root / "runs" / "three-link-0.9.toml")
     said = " ".join(shell.says(["analyse", path, *options]).split())
-    assert "Three-link standing, b = 0.9 (changed)" in said
+    assert "Three-link standing, b = 1 (changed)" in said
     assert f"C{words}" in said
     assert main(["run", path, "--plant", "mujoco", "--out", str(tmp_path), *options]) == 0
     assert f"three-link-0.9: c{words}" in " ".join(capsys.readouterr().out.split())

@@ -1,5 +1,6 @@
 """The frame of experiments: trials kept, taken up again and analysed as recordings; and what it refuses."""
 
+import hashlib
 import json
 import subprocess
 import sys
@@ -231,6 +232,43 @@ def test_a_shipped_analysis_refuses_what_it_cannot_tell_in_one_line(name, series
         icmj.analyse_recordings(file, [tmp_path / "recording.csv"], tmp_path / "out")
     assert str(refused.value).startswith(f"{tmp_path / 'recording.csv'}: ")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_of_results_belongs_to_its_recordings(tmp_path):
+    """Another recording replaced results, figure and page, and nothing told whose they were."""
+    file = icmj.load_experiment("standing")
+    t, random = np.arange(3000) / 100, np.random.default_rng(3)
+    for name in ("anna", "ben"):
+        sway = np.cumsum(random.standard_normal((3000, 1)), axis=0)
+        icmj.write_series(icmj.Series(t, sway / sway.std(), ("cop.x",), ("mm",)), tmp_path / f"{name}.csv")
+    anna, ben, out = tmp_path / "anna.csv", tmp_path / "ben.csv", tmp_path / "out"
+    icmj.analyse_recordings(file, [anna], out)
+    source = json.loads((out / "experiment.json").read_text())["recordings"]
+    assert source[0]["name"] == "anna.csv"
+    assert source[0]["sha256"] == hashlib.sha256(anna.read_bytes()).hexdigest()
+    kept = (out / "results.parquet").read_bytes()
+    icmj.analyse_recordings(file, [anna], out)
+    for others, part in (([ben], {}), ([anna, ben], {}), ([anna], {"since": 5.0})):
+        with pytest.raises(StudyError, match="another experiment file or recording; choose another"):
+            icmj.analyse_recordings(file, others, out, **part)
+    with pytest.raises(StudyError, match="holds another experiment"):
+        icmj.run_experiment(file, out)
+    anna.write_bytes(ben.read_bytes())
+    with pytest.raises(StudyError, match="holds another experiment"):
+        icmj.analyse_recordings(file, [anna], out)
+    assert (out / "results.parquet").read_bytes() == kept
+
+
+def test_a_rate_that_the_times_contradict_is_refused(tmp_path, shell):
+    """It had no effect, and nothing said so."""
+    t = np.arange(4000) / 100
+    sway = np.cumsum(np.random.default_rng(3).standard_normal((4000, 1)), axis=0)
+    icmj.write_series(icmj.Series(t, 4 * sway / sway.std(), ("ap",), ("mm",)), tmp_path / "a.csv")
+    path, words = str(tmp_path / "a.csv"), "has times, of 100 rows a second, where a rate of 50 Hz was said"
+    given = ["--recording", path, "--out", str(tmp_path / "out"), "--rate"]
+    assert words in shell.refuses(["experiment", "standing", *given, "50"])
+    shell.answers(["experiment", "standing", *given, "100", "--json"])
+    assert words in shell.refuses(["fit", path, "--rate", "50", "--model", "none.toml"])
 
 
 def test_continuous_control_has_no_events(done):
