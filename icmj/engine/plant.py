@@ -60,7 +60,7 @@ from icmj.errors import ModelError
 from icmj.plant import quality
 from icmj.plant.body import Activation, Lag, OperatingRule, Person, Selection
 from icmj.plant.linear_plant import LinearPlant, Match, Push, pick, ports
-from icmj.plant.quality import BENT, Kink, Margin, Notice, Quality, Raised, Residual, adrift, notice_omission
+from icmj.plant.quality import BENT, Kink, Margin, Notice, Quality, Raised, Residual, adrift, idle, notice_omission
 from icmj.simulation.ending import Limit, limits_of
 from icmj.work.own_code import MODELS
 
@@ -191,6 +191,7 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
         dead=quality.dead(plant, _NO_SLOPE * mobile),
         step_effect=quality.compare_steps(slow, quick, float(model.opt.timestep)),
         raised=tuple(dict.fromkeys(_raised(model, linearisation))),
+        undecided=quality.undecided(plant, max(A, B)),
     )
 
 
@@ -524,7 +525,13 @@ def _best(first: MujocoPlant, others: Iterator[MujocoPlant]) -> MujocoPlant:
 def _without(plant: MujocoPlant, model: mujoco.MjModel, chosen: Selection, deviation: Deviation | None) -> MujocoPlant:
     """The plant without the dropped states, and without spare outputs that show them; with notices of idle ones."""
     linear = plant.linearisation.plant
-    drop = chosen.drop or (adrift(linear) if chosen.states is None else ())
+    drop = chosen.drop
+    if not drop and chosen.states is None:
+        drop = adrift(linear)
+        # whatever an input does to what affects no rate and no output, without it the rest is as it is
+        shown = dict(zip(linear.states, np.abs(linear.C).max(axis=0) > 0, strict=True))
+        unseen = tuple(name for name in idle(linear) if name not in drop and not shown[name])
+        drop += unseen if unseen and plant.quality.undecided else ()
     there = [linear.states.index(name) for name in drop if name in linear.states]
     shown = np.abs(linear.C[:, there]).max(axis=1, initial=0.0) > 1e-9
     if not there or (shown.any() and not chosen.spare):
@@ -535,7 +542,7 @@ def _without(plant: MujocoPlant, model: mujoco.MjModel, chosen: Selection, devia
         outputs = tuple(name for name, shows in zip(linear.outputs, shows, strict=True) if shows)
     ports = ports_of(model, replace(chosen, outputs=outputs, drop=drop), deviation)
     kept = replace(plant, linearisation=linearise(model, ports=ports, point=plant.linearisation.point))
-    return kept if chosen.drop else replace(kept, told=(*plant.told, notice_omission(drop)))
+    return kept if chosen.drop else replace(kept, told=(*plant.told, notice_omission(linear, drop)))
 
 
 _UNITS = {mujoco.mjtJoint.mjJNT_HINGE: "rad", mujoco.mjtJoint.mjJNT_SLIDE: "m"}

@@ -120,11 +120,7 @@ def adrift(plant: LinearPlant) -> tuple[str, ...]:
 
     Without them the plant has no such mode.
     """
-    size = max(1.0, float(np.abs(plant.A).max(initial=0.0)))
-    columns = np.linalg.norm(plant.B, axis=0)
-    whole = np.hstack([plant.A, size * plant.B / np.where(columns > 0, columns, 1.0)])
-    U, values, _ = np.linalg.svd(whole)
-    kept = U[:, values < _RANK * size].T  # wᵀ[A, B] = 0: what wᵀx is never changes
+    kept = _constants(plant, _RANK)
     found: list[str] = []
     for name in idle(plant):
         w = kept[:, plant.states.index(name)]
@@ -134,6 +130,23 @@ def adrift(plant: LinearPlant) -> tuple[str, ...]:
         # what else never changes, once this state is gone
         kept = np.linalg.svd(w[None, :])[2][1:] @ kept
     return tuple(found)
+
+
+def undecided(plant: LinearPlant, error: float) -> tuple[str, ...]:
+    """States on which no rate depends, of which A and B, right to ``error`` of A, do not tell whether an input moves
+    them; none if the error is smaller than what decides.
+    """
+    still = idle(plant)
+    return still if still and len(_constants(plant, error)) > len(_constants(plant, _RANK)) else ()
+
+
+def _constants(plant: LinearPlant, error: float) -> Array:
+    """Orthonormal w with wᵀ[A, B] = 0, to ``error`` of A's size: what wᵀx is never changes; shape (k, n)."""
+    size = max(1.0, float(np.abs(plant.A).max(initial=0.0)))
+    columns = np.linalg.norm(plant.B, axis=0)
+    whole = np.hstack([plant.A, size * plant.B / np.where(columns > 0, columns, 1.0)])
+    U, values, _ = np.linalg.svd(whole)
+    return np.asarray(U[:, values < error * size].T)
 
 
 def _find_hidden(plant: LinearPlant, A: Array, C: Array) -> tuple[PlantMode, ...]:
@@ -307,6 +320,7 @@ class Quality:
         dead: inputs that move nothing.
         step_effect: the dependence of the plant on the model's time step, where it is noticeable.
         raised: constraints that are softer than stated because of that step.
+        undecided: states on which nothing depends, of which the derivatives do not tell whether an input moves them.
     """
 
     residual: Residual
@@ -325,6 +339,7 @@ class Quality:
     dead: tuple[str, ...] = ()
     step_effect: StepEffect | None = None
     raised: tuple[Raised, ...] = ()
+    undecided: tuple[str, ...] = ()
 
     @property
     def at_rest(self) -> bool:
@@ -375,6 +390,14 @@ class Quality:
             letter, error = max(zip("ABC", self.errors, strict=True), key=lambda pair: pair[1])
             words = f"{letter} is right to {error:.1g} of its largest entry only; the plant is hardly smooth there"
             yield Notice("coarse derivatives", "warning", words)
+        if self.undecided:
+            named = ", ".join(f'"{name}"' for name in self.undecided)
+            words = (
+                f"nothing depends on {_list(self.undecided)}, and A is right to {max(self.errors):.1g} of its largest "
+                f"entry only, which does not tell whether an input moves it: drop = [{named}], and leave it out of "
+                "outputs, or make the plant smooth there (noslip_iterations = 0)"
+            )
+            yield Notice("coarse derivatives", "error", words)
         for excess in self.excesses:
             still = [name for name in self.dead if name in excess.inputs]
             where = f", where {_list(tuple(still))} moves nothing" if still else ""
@@ -416,10 +439,12 @@ class Quality:
         return words
 
 
-def notice_omission(names: tuple[str, ...]) -> Notice:
-    """The notice that states were left out that affect nothing and are affected by nothing."""
-    named = ", ".join(f'"{name}"' for name in names)
-    words = f"nothing depends on {_list(names)}, and no input moves it: dropped, as drop = [{named}] would say"
+def notice_omission(plant: LinearPlant, names: tuple[str, ...]) -> Notice:
+    """The notice that states of ``plant`` were left out that are :func:`adrift`."""
+    named, kept = ", ".join(f'"{name}"' for name in names), _constants(plant, _RANK)
+    moved = any(np.linalg.norm(kept[:, plant.states.index(name)]) < _RANK for name in names)
+    why = "no output shows it" if moved else "no input moves it"
+    words = f"nothing depends on {_list(names)}, and {why}: dropped, as drop = [{named}] would say"
     return Notice("dropped state", "warning", words)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from engine_cases import MODELS
 from model_cases import MOTOR, MUSCLE, SERVO, pendulum, two, written
 
 from icmj.engine.plant import load_plant
@@ -66,3 +67,20 @@ def test_a_place_that_does_not_matter_is_told_with_what_to_do(tmp_path):
     assert notice.words == 'x does not matter to any output; drop = ["x"], or add an output that shows it'
     assert notice.severity == "warning"
     assert load_plant(two(tmp_path), selection=Selection(outputs=("angle",), drop=("x",))).quality.notices == ()
+
+
+@pytest.mark.parametrize("solver", ["Newton", "CG", "PGS"])
+@pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
+def test_a_place_is_left_out_though_derivatives_are_too_coarse_to_tell_that_no_input_moves_it(tmp_path, cone, solver):
+    """Forces that a number of iterations keeps from slipping are hardly smooth."""
+    option = f'cone="{cone}" solver="{solver}" noslip_iterations="10"'
+    text = (MODELS / "three_link_floor.xml").read_text(encoding="utf-8").replace('cone="elliptic"', option)
+    path = written(tmp_path, text)
+    found, told = (load_plant(path, keyframe="upright", selection=Selection(drop=drop)) for drop in ((), ("foot_x",)))
+    assert "foot_x" not in found.linearisation.plant.states
+    np.testing.assert_array_equal(found.linearisation.plant.A, told.linearisation.plant.A)
+    assert [notice.kind for notice in found.told] == ["dropped state"]
+    shown = load_plant(path, keyframe="upright", selection=Selection(outputs="joints"))
+    undecided = [one for one in shown.quality.notices if "does not tell whether an input moves it" in one.words]
+    assert bool(undecided) == ("foot_x" in shown.linearisation.plant.states) == (cone == "elliptic")
+    assert {one.severity for one in undecided} <= {"error"}
