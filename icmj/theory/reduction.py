@@ -41,8 +41,10 @@ from icmj.errors import AnalysisError
 from icmj.theory.error_system import ErrorSystem, Flow, balance, flow
 
 UNSEEN = 1e-9  # a direction is unseen if its image is below this, relative to rows of unit norm
-SLOW = 1e-5  # |Re μ| relative to the modes' own size up to which they neither grow nor decay
+# error of a matrix, relative to it, such as differences leave in it; what that may put in one place is not told apart
+_ERROR = 1e-10
 _UNDECIDED = 1e-5  # modes that decay slower than this times the whole matrix are looked at
+_GAP = 10.0  # and those that decay no more than so many times as fast as one of these, up to a thousandth of the matrix
 
 
 def unseen(A: Array, C: Array) -> Array:
@@ -56,10 +58,12 @@ def unseen(A: Array, C: Array) -> Array:
         shape (N, r); it is A-invariant, and C vanishes on it.
     """
     size = float(np.linalg.norm(A)) or 1.0
-    decay = -np.linalg.eigvals(A).real if A.size else np.zeros(0)
-    looked_at = decay <= _UNDECIDED * size
+    decay = np.sort(-np.linalg.eigvals(A).real) if A.size else np.zeros(0)
+    first, last = np.searchsorted(decay, [_UNDECIDED * size, 100 * _UNDECIDED * size], side="right")
+    while 0 < first < last and decay[first] < _GAP * max(decay[first - 1], _UNDECIDED * size):
+        first += 1
     # the line is drawn in the middle of the gap, where rounding moves no eigenvalue across it
-    line = (decay[looked_at].max(initial=-size) + decay[~looked_at].min(initial=2 * size)) / 2
+    line = (decay[:first].max(initial=-size) + decay[first:].min(initial=2 * size)) / 2
     try:
         V = span(A, lambda mu: -mu.real <= line)
     except np.linalg.LinAlgError:
@@ -100,26 +104,35 @@ def neutral(A: Array, C: Array) -> Array:
 
 def lasting(A: Array, V: Array) -> Array:
     """The part of the invariant subspace V whose modes neither grow nor decay, shape (N, r)."""
-    A_V = V.T @ A @ V
-    tolerance = slow(A_V, A)
-    return V @ span(A_V, lambda mu: abs(mu.real) <= tolerance)
+    A_V, error = V.T @ A @ V, error_of(A)
+    return V @ span(A_V, lambda mu: are_together(A_V, mu, 1j * mu.imag, error))
 
 
 def growing(A: Array, V: Array, C: Array) -> Array:
     """The part of the invariant subspace V that C does not see either, and whose modes grow, shape (N, r)."""
     N = _within(A, V, C)
-    A_N = N.T @ A @ N
-    tolerance = slow(A_N, A)
-    return N @ span(A_N, lambda mu: mu.real > tolerance)
+    A_N, error = N.T @ A @ N, error_of(A)
+    return N @ span(A_N, lambda mu: mu.real > 0 and not are_together(A_N, mu, 1j * mu.imag, error))
 
 
-def slow(A_N: Array, A: Array) -> float:
-    """|Re μ| [1/s] up to which a mode of the block ``A_N`` of ``A`` counts as neither growing nor decaying."""
-    return SLOW * float(np.linalg.norm(A_N)) + 1e-10 * float(np.linalg.norm(A)) if A_N.size else 0.0
+def error_of(A: Array) -> float:
+    """The error of A that its modes have to stand [1/s]."""
+    return _ERROR * float(np.linalg.norm(A))
 
 
-def groups(A: Array, tolerance: float) -> list[tuple[tuple[complex, ...], Array]]:
-    """Eigenvalues of A that lie together (a conjugate pair does), each group with its invariant subspace.
+def are_together(A: Array, a: complex, b: complex, error: float) -> bool:
+    """Whether an error of A of this size, and less, may put an eigenvalue anywhere between a and b.
+
+    So it is for a simple eigenvalue a as far as the error reaches; k that are a chain of integrators, of which rounding
+    makes a ring, are together as far as its k-th root does.
+    """
+    between = a + (b - a) * np.linspace(0, 1, 9)
+    gap = np.linalg.svd(between[:, None, None] * np.eye(len(A)) - A, compute_uv=False)[:, -1]
+    return bool(gap.max() <= error)
+
+
+def groups(A: Array, error: float) -> list[tuple[tuple[complex, ...], Array]]:
+    """Eigenvalues of A that are together (a conjugate pair is), each group with its invariant subspace.
 
     A defective eigenvalue comes out of rounding as several near each other; their mean is given for each.
     """
@@ -129,13 +142,14 @@ def groups(A: Array, tolerance: float) -> list[tuple[tuple[complex, ...], Array]
         upper = complex(left[0].real, abs(left[0].imag))
 
         def near(mu: complex, upper: complex = upper) -> bool:
-            return abs(complex(mu.real, abs(mu.imag)) - upper) <= 2 * tolerance
+            return are_together(A, complex(mu.real, abs(mu.imag)), upper, error)
 
         here = [mu for mu in left if near(mu)]
         left = [mu for mu in left if not near(mu)]
         re = sum(mu.real for mu in here) / len(here)
         im = sum(abs(mu.imag) for mu in here) / len(here)
-        re, im = (0.0 if abs(part) <= tolerance else part for part in (re, im))
+        im = 0.0 if are_together(A, complex(re, im), re, error) else im
+        re = 0.0 if are_together(A, complex(re, im), 1j * im, error) else re
         signs = [1.0 if mu.imag >= 0 else -1.0 for mu in here]
         found.append((tuple(complex(re, sign * im if im else 0.0) for sign in signs), span(A, near)))
     return found
@@ -381,7 +395,7 @@ class _ModeNames:
         """Records of the modes in the invariant subspace D of x̄."""
         A_D = D.T @ self.A @ D
         found = []
-        for rates, within in groups(A_D, slow(A_D, self.A)):
+        for rates, within in groups(A_D, error_of(self.A)):
             V = D @ within
             x, x_o = np.split(V * self.scale[:, None], [self.system.n])
             weights = np.vstack([x, x_o + self.system.T_hat @ x]) / self.scale[:, None]
@@ -389,7 +403,7 @@ class _ModeNames:
             seen = np.linalg.norm(rows @ V, axis=1) > _SHOWS * np.linalg.norm(rows, axis=1)
             outputs = tuple(name for name, sees in zip(self.system.actual.outputs, seen, strict=True) if sees)
             kind: NeutralKind = "unstable" if rates[0].real > 0 else "neutral"
-            drifts = not rates[0].imag and np.abs(within.T @ A_D @ within).max() > slow(A_D, self.A)
+            drifts = not rates[0].imag and np.abs(within.T @ A_D @ within).max() > error_of(self.A)
             found.append(describe_mode(kind, rates, self._carried(weights), outputs, drifts=drifts))
         return found
 
@@ -397,7 +411,7 @@ class _ModeNames:
         """Records of the conserved directions in the left-invariant subspace L of x̄."""
         A_L = L.T @ self.A @ L
         found = []
-        for rates, within in groups(A_L, slow(A_L, self.A)):
+        for rates, within in groups(A_L, error_of(self.A)):
             x, x_o = np.split((L @ within) / self.scale[:, None], [self.system.n])
             weights = np.vstack([x - self.system.T_hat.T @ x_o, x_o]) * self.scale[:, None]
             found.append(describe_mode("offset", rates, self._carried(weights)))

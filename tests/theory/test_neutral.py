@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 import theory_cases as cases
 from scipy.linalg import block_diag
-from theory_cases import SHIPPED, beside, pendulum_design, random_systems, shipped, system_beside
+from theory_cases import (
+    SHIPPED,
+    beside,
+    pendulum_design,
+    random_systems,
+    shipped,
+    system_beside,
+    three_link,
+    three_link_design,
+)
 
 from icmj import Controller, Delay, Design, EventTrigger, LinearPlant, Settings, predict, system_matched
 from icmj.errors import AnalysisError
@@ -62,6 +71,38 @@ def test_what_nothing_sees_changes_nothing_but_is_named(case, gain):
     frequencies = {round(abs(rate.imag), 6) for m in found.neutral for rate in m.rates}
     assert frequencies == ({3.0} if case == "oscillator" else {0.0})
     assert all(abs(rate.real) == 0 for m in found.neutral for rate in m.rates)
+
+
+def mixed(plant: LinearPlant, M: np.ndarray) -> LinearPlant:
+    return LinearPlant(np.linalg.solve(M, plant.A @ M), np.linalg.solve(M, plant.B), plant.C @ M)
+
+
+@pytest.mark.parametrize("condition", [1.0, 10.0])
+@pytest.mark.parametrize("extra", [cases.DOUBLE, np.eye(3, k=1), block_diag(np.eye(3, k=1), [[-0.03]])])
+def test_a_chain_of_integrators_is_neutral_in_any_coordinates(extra, condition):
+    """Rounding makes a ring of k equal eigenvalues, as wide as its k-th root; a slow mode beside it is none of them."""
+    rng, own, m = np.random.default_rng(4), three_link_design(), len(extra)
+    plain = predict(error_system(three_link(0.9), own), EventTrigger(np.eye(6), 0.01))
+
+    def widened(plant: LinearPlant) -> LinearPlant:
+        return LinearPlant(
+            block_diag(plant.A, extra), np.pad(plant.B, ((0, m), (0, 0))), np.pad(plant.C, ((0, 0), (0, m)))
+        )
+
+    k, L = np.pad(own.k, ((0, 0), (0, m))), np.pad(own.L, ((0, m), (0, 0)))
+    weight = np.diag(np.repeat([1.0, 0.0], [6, m]))
+    for _ in range(4):
+        turns = [np.linalg.qr(rng.normal(size=(6 + m, 6 + m)))[0] for _ in range(2)]
+        M = turns[0] * np.geomspace(1, condition, 6 + m) @ turns[1]
+        actual, assumed = (mixed(widened(three_link(gain)), M) for gain in (0.9, 1.0))
+        system = error_system(actual, Design(assumed, k @ M, np.linalg.solve(M, L)))
+        found = predict(system, EventTrigger(M.T @ weight @ M, 0.01))
+        assert [mode.kind for mode in found.neutral] == ["neutral"]
+        assert found.neutral[0].rates == (0,) * 2 * int((np.diag(extra) == 0).sum())
+        assert [(c.kind, c.direction) for c in found.crossings] == [(c.kind, c.direction) for c in plain.crossings]
+        assert found.delta_crit == pytest.approx(plain.delta_crit, rel=1e-7)
+        assert (found.verdict, found.cycle) == (plain.verdict, plain.cycle)
+        assert (found.state_feedback_stable, found.observer_feedback_stable) == (True, True)
 
 
 @pytest.mark.parametrize("case", ["integrator of y", "driven double integrator", "oscillator"])
