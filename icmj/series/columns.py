@@ -23,7 +23,7 @@ MOST_NUMBERS = 12_000_000  # that are read, times among them; measuring them tak
 TIMES = ("t", "time", "times", "timestamp", "seconds")
 """Names of a column of times, whatever else is in the file."""
 TRIALS = ("trial", "trials", "repetition")  # columns that count what stands one below the other
-COUNTS = ("frame", "frames", "sample", "samples", "index", "row", "sub frame", "subframe", "item", "line")
+COUNTS = ("frame", "frames", "sub frame", "subframe", "sample", "samples", "index", "row", "item")  # of rows
 LONGEST_STEP, SHORTEST_STEP = 0.3, 2e-5
 """Distances of rows beyond which times without a unit are not taken for seconds; ours: 3.3 Hz and 50 kHz."""
 _WORDS = ("time", "zeit", "temps", "tiempo", "tempo", "tid", "tijd", "timestamp", "timestamps")
@@ -100,7 +100,7 @@ class Columns:
         signals, left = [], list(self.left)
         for i, name in enumerate(self.names):
             rises = _rises(data[:, i])
-            if rises and (name.lower() in COUNTS or (self.clock and _is_time(name))):
+            if name.lower() in COUNTS or (rises and self.clock and _is_time(name)):
                 left.append(f"{name}, which counts rows or time")
             elif rises == "evenly" and not self.clock:
                 step = float(data[1, i] - data[0, i])

@@ -39,6 +39,7 @@ _SMALL = re.compile(rf"{_SIGN}\d{{1,3}}")
 _WITH_WORDS = re.compile(rf"{_SIGN}\d+([.,]\d+)?\s*[^\W\d]+[^\d]*")
 _SPLIT = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")  # names between blanks, each with its unit
 _FORTRAN = re.compile(rb"(?<=[\d.])[dD](?=[-+]?\d)")
+_MARKERS = "MARKER_NAMES"  # Qualisys: a name for three columns each
 _MINUS = "−".encode()
 
 
@@ -259,6 +260,8 @@ def _name(run: _Run, above: Sequence[_Line]) -> tuple[tuple[str, ...], tuple[str
             names, units = higher, tuple(name.strip("[]() ") for name in (*names, *nothing))[: run.width]
     if any(_is_number(name, run.decimal) for name in names):
         return nothing, nothing, False
+    if names[0] == _MARKERS and 3 * (len(names) - 1) == run.width:
+        return tuple(f"{name}.{axis}" for name in names[1:] for axis in "xyz"), nothing, False
     if len(names) > run.width and not any(names[run.width :]):
         names = names[: run.width]
     counts = _counts_rows(run.column(0))

@@ -204,3 +204,15 @@ def test_of_other_formats_one_line_says_what_to_do(name, words, tmp_path):
     (tmp_path / name).write_bytes(b"PK")
     with pytest.raises(DataError, match=f"not a format that icmj reads; .*{words}"):
         read_series(tmp_path / name)
+
+
+def test_numbers_within_frames_and_keys_before_a_table_are_no_sway(tmp_path):
+    """A marker system counts rows within a frame, and writes names of markers for three columns each."""
+    rows = [(str(i // 10), str(i % 10), *row[1:]) for i, row in enumerate(ROWS)]
+    text = "Devices\n1000\n,,Plate - CoP,\nFrame,Sub Frame,ap,ml\n,,mm,mm\n" + table(None, rows)
+    (tmp_path / "sway.csv").write_text(text)
+    series = read_series(tmp_path / "sway.csv", rate=RATE)
+    assert (series.names, series.units) == (("ap", "ml"), ("mm", "mm"))
+    keys = "NO_OF_FRAMES\t400\nFREQUENCY\t100\nTIME_STAMP\t2020-01-01, 10:00:00\t3.5\nMARKER_NAMES\tC7\n"
+    (tmp_path / "sway.tsv").write_text(keys + table(None, [(a, m, a + 900) for _, a, m in ROWS], "\t"))
+    assert read_series(tmp_path / "sway.tsv", rate=RATE).names == ("C7.x", "C7.y", "C7.z")
