@@ -402,7 +402,88 @@ else:
 """
     + RUN_REST,
 )
-SHELVES = {"shapes": SHAPES, "event rules": RULES, "controllers": CONTROLLERS}
+FORMATS = Shelf(
+    "series/formats",
+    "lines",
+    '''"""Lines of JSON: an object in each, with the time "t" [s] and the signals."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from icmj.series.columns import choose_columns
+from icmj.series.series import Series
+
+SUFFIXES = (".jsonl",)
+
+
+def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
+    rows = [json.loads(line) for line in file]
+    names = list(rows[0]) if rows else []
+    choice = choose_columns(names, [""] * len(names), columns, rate)
+    return choice.to_series(np.array([[row[names[i]] for i in choice.at] for row in rows], dtype=float))
+
+
+def write(series: Series, part: Path) -> None:
+    rows = zip(series.t.tolist(), series.values.tolist(), strict=True)
+    part.write_text("".join(json.dumps({"t": t, **dict(zip(series.names, row))}) + "\\n" for t, row in rows))
+''',
+    """
+import json, sys, icmj
+import numpy as np
+from pathlib import Path
+from icmj.cli.main import main
+t = np.arange(500) / 100
+series = icmj.Series(t, np.column_stack([np.sin(9 * t), np.cos(5 * t)]), ("ap", "ml"))
+icmj.write_series(series, "own.jsonl")
+back = icmj.read_series("own.jsonl", columns=["ml"])
+np.testing.assert_array_equal(back["ml"], series["ml"])
+assert main(["measure", "own.jsonl", "--json"]) == 0
+""",
+    """
+import icmj
+from pathlib import Path
+from icmj.errors import DataError
+wrong = {"{": "cannot be read", '{"t": 0.0}\\n': "no column of numbers", '{"ap": 1.0}\\n': "no column of times"}
+for text, words in wrong.items():
+    Path("wrong.jsonl").write_text(text)
+    try:
+        icmj.read_series("wrong.jsonl")
+    except DataError as error:
+        assert words in str(error) and "\\n" not in str(error), error
+    else:
+        raise AssertionError(text)
+""",
+    """
+import sys, icmj
+import numpy as np
+from pathlib import Path
+from icmj.errors import DataError
+from icmj.series.formats import FORMATS
+from icmj.series.writing import find_writers
+suffixes = {"csv": ".csv", "parquet": ".parquet", "npz": ".npz", "opensim": ".mot", "c3d": ".c3d"}
+t = np.arange(500) / 100
+series = icmj.Series(t, np.column_stack([np.sin(9 * t), np.cos(5 * t)]), ("ap", "ml"))
+for suffix in find_writers():
+    icmj.write_series(series, f"left{suffix}")
+    np.testing.assert_array_equal(icmj.read_series(f"left{suffix}").values, series.values)
+gone = suffixes[sys.argv[1]]
+assert gone not in find_writers()
+Path(f"gone{gone}").write_text("nothing")
+try:
+    icmj.read_series(f"gone{gone}")
+except DataError as error:
+    assert "\\n" not in str(error), error
+else:
+    raise AssertionError(gone)
+""",
+)
+SHELVES = {"formats of recordings": FORMATS, "shapes": SHAPES, "event rules": RULES, "controllers": CONTROLLERS}
 
 
 @contextmanager

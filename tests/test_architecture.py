@@ -199,8 +199,14 @@ def test_what_is_on_disk_is_read_in_one_way() -> None:
     ours = {
         *("base.files", "base.array", "work.folder"),  # the way itself
         *("base.compilation", "work.own_code", "work.folder", "cli.files"),  # files of the installation
-        *("report.builder", "report.drawing", "log.figure", "series.c3d", "study.sweep"),  # what they just wrote
-        *("series.reading",),
+        *(
+            "report.builder",
+            "report.drawing",
+            "log.figure",
+            "series.formats.c3d",
+            "study.sweep",
+        ),  # what they just wrote
+        *("series.formats.parquet",),
     }
     found = {name_of(path) for path in MODULES if read.search(path.read_text(encoding="utf-8"))}
     assert found <= {f"icmj.{name}" for name in ours}

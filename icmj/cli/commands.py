@@ -297,11 +297,11 @@ def export(command: arguments.ExportCommand) -> None:
 def _export(log: Path, command: arguments.ExportCommand) -> None:
     from icmj.errors import DataError
     from icmj.log.reader import read_log
-    from icmj.series.writing import FORMATS, write_series
+    from icmj.series.writing import find_writers, write_series
 
     out = log.with_suffix(f".{command.to or 'csv'}") if command.out is None else command.out
-    if out.suffix not in ([f".{command.to}"] if command.to else FORMATS):
-        expected = f".{command.to}, as --to says" if command.to else ", ".join(FORMATS)
+    if out.suffix not in ([f".{command.to}"] if command.to else find_writers()):
+        expected = f".{command.to}, as --to says" if command.to else ", ".join(find_writers())
         raise DataError(f"--out {out}: expected a name that ends in {expected}")
     events_out = out.with_suffix(f".events{out.suffix}")
     replaceable(out, events_out)

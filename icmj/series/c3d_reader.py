@@ -21,7 +21,7 @@ _AXES = "xyz"
 
 
 def read(path: str, folder: str) -> dict[str, Any]:
-    """Arrays by the number of the group and what they are; see :class:`icmj.series.c3d.Group`.
+    """Arrays by the number of the group and what they are; see :class:`icmj.series.formats.c3d.Group`.
 
     ``frames`` is the number of frames that were read; ``ends`` are the first and the last one as the group TRIAL has
     them, in two words each; ``fault`` says why there is no centre of pressure though there are plates, or is empty.

@@ -55,6 +55,7 @@ class TableForm:
         delimiter: between fields; a blank stands for any number of them.
         decimal: "." or ",".
         grouped: whether the other of these signs separates thousands.
+        fortran: whether powers of ten are written with D.
         first: the line where numbers begin, counted from 1.
         offset: where that is in the file [bytes].
     """
@@ -66,6 +67,7 @@ class TableForm:
     delimiter: str
     decimal: str
     grouped: bool
+    fortran: bool
     first: int
     offset: int
 
@@ -75,7 +77,8 @@ class TableForm:
             rows = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", rows))
         if self.grouped:
             rows = rows.replace(b"." if self.decimal == "," else b",", b"")
-        return _FORTRAN.sub(b"e", rows.replace(_MINUS, b"-"))
+        rows = _FORTRAN.sub(b"e", rows) if self.fortran else rows
+        return rows.replace(_MINUS, b"-")
 
 
 @dataclass(frozen=True)
@@ -139,9 +142,12 @@ def find_form(text: bytes) -> TableForm:
     _refuse_earlier_table(best, above)
     headers, units, numbers_rows = _name(best, above)
     numeric, faults = _sort_columns(best, headers, numbers_rows)
-    grouped = any(_GROUPED[best.decimal].fullmatch(cell) for row in best.rows for cell in row)
-    first = best.lines[0]
-    return TableForm(headers, units, numeric, faults, best.delimiter, best.decimal, grouped, first.number, first.offset)
+    first, cells = best.lines[0], [cell for row in best.rows for cell in row]
+    grouped = any(_GROUPED[best.decimal].fullmatch(cell) for cell in cells)
+    fortran = any(_FORTRAN.search(cell.encode()) for cell in cells if _is_number(cell, best.decimal))
+    return TableForm(
+        headers, units, numeric, faults, best.delimiter, best.decimal, grouped, fortran, first.number, first.offset
+    )
 
 
 def _lines(text: bytes) -> list[_Line]:

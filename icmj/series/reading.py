@@ -1,38 +1,17 @@
-"""Reading time series from files: CSV as instruments and spreadsheets write it, Parquet, npz, OpenSim's, C3D."""
+"""Reading recordings and other time series from files of any format of the shelf (:mod:`icmj.series.formats`)."""
 
 from __future__ import annotations
 
-import codecs
-import io
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
-from itertools import islice
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
 
-import numpy as np
-
-from icmj.base.array import Array, each_npz, npz_headers, read_npz, refuse_fatal
 from icmj.base.files import open_file
 from icmj.base.text import one_line
 from icmj.errors import DataError
-from icmj.series.c3d import group_for, groups_of
-from icmj.series.columns import MOST_NUMBERS, choose_columns
-from icmj.series.csv_table import HEAD, LONGEST_LINE, TableForm, find_form, missing_words
-from icmj.series.opensim import LINES, header_of
-from icmj.series.series import SETTLED, Series, see_names_differ
-
-if TYPE_CHECKING:
-    import pyarrow as pa
+from icmj.series.formats import FORMATS
+from icmj.series.series import Series
 
 MOST_BYTES = 500_000_000
-MOST_COLUMNS = 2000
-
-MOST_LINE = 1_000_000  # bytes
-_PART = 8_000_000  # bytes of a file that are looked at together
-_ROWS = 100_000  # rows read at a time
-_MOST_WORDS = 10_000_000  # bytes of names and units
-_TEXT = "which is text"
 
 
 def read_series(
@@ -75,7 +54,8 @@ def read_series(
         if (advice := ELSEWHERE.get(path.suffix.lower())) is not None:
             raise DataError(f"not a format that icmj reads; {advice}")
         with open_file(path, MOST_BYTES) as file:
-            found = READERS.get(path.suffix.lower(), _read_csv)(path, file, columns, rate)
+            ours = (one for one in FORMATS if path.suffix.lower() in one.SUFFIXES)
+            found: Series = next(ours, FORMATS[FORMATS.names[0]]).read(path, file, columns, rate)
             return cut_rows(found, since, until)
     except DataError as error:
         raise DataError(f"{path}: {error}") from error
@@ -98,192 +78,6 @@ def cut_rows(series: Series, since: float | None, until: float | None) -> Series
         raise DataError(f"no rows {asked}; it has rows from {series.t[0]:g} to {series.t[-1]:g} s")
     return kept
 
-
-def _read_opensim(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
-    header = header_of(islice(iter(lambda: file.readline(LONGEST_LINE + 1), b""), LINES + 1))
-    file.seek(0)
-    series = _read_csv(path, file, columns, rate)
-    if header.rows is not None and header.rows != len(series):
-        raise DataError(f"{len(series)} rows where its header says {header.rows}; was it cut short?")
-    return replace(series, units=tuple(map(header.unit_of, series.names)))
-
-
-def _read_c3d(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
-    group = group_for(groups_of(path), columns)
-    see_names_differ(group.names)
-    if group.values.size > MOST_NUMBERS:
-        raise DataError(f"{group.values.size} numbers; expected at most {MOST_NUMBERS / 1e6:g} million")
-    t = group.start + np.arange(len(group.values)) / group.rate
-    return Series(t, group.values, group.names, group.units)
-
-
-def _read_csv(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
-    if (mark := file.read(2)) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
-        file = io.BytesIO((mark + file.read()).decode("utf-16", errors="replace").encode())
-    file.seek(0)
-    form = find_form(b"".join(islice(iter(lambda: file.readline(LONGEST_LINE + 1), b""), HEAD)))
-    if len(form.headers) > MOST_COLUMNS:
-        raise DataError(f"{len(form.headers)} columns; expected at most {MOST_COLUMNS}")
-    numeric = [i for i, number in enumerate(form.numeric) if number]
-    left = [
-        f"{header}, {_TEXT}" for header, number in zip(form.headers, form.numeric, strict=True) if not number and header
-    ]
-    for i, words in form.faults.items():
-        if not form.numeric[i] and not columns:
-            name = form.headers[i] or f"column {i + 1}"
-            raise DataError(f"{name}: {words!r} is no number; write the unit in the name")
-    choice = choose_columns(
-        [form.headers[i] for i in numeric], [form.units[i] for i in numeric], columns, rate, left,
-        {numeric.index(i): words for i, words in form.faults.items() if i in numeric},
-    )  # fmt: skip
-    chosen = [str(numeric[i]) for i in choice.at]
-    file.seek(form.offset)
-    ends = [(text.count(b"\n"), text.count(b"\r")) for text in iter(lambda: file.read(_PART), b"")]
-    # a blank line ends, too; rows may be fewer, not more
-    data = choice.room(max(map(sum, zip(*ends, strict=True)), default=0) + 1)
-    file.seek(form.offset)
-    count = 0
-    for text in _parts(file):
-        rows = _numbers(text, form, chosen)
-        if count + len(rows) > len(data):  # lines ended in both ways
-            raise DataError("mixed line endings; save the file with one kind of line ending")
-        data[count : count + len(rows)] = rows
-        count += len(rows)
-    return choice.to_series(data[:count])
-
-
-def _parts(file: BinaryIO) -> Iterator[bytes]:
-    """The rest of a file, in parts that end with complete lines."""
-    rest = b""
-    while text := file.read(_PART):
-        text = rest + text
-        end = max(text.rfind(b"\n"), text.rfind(b"\r", 0, -1)) + 1
-        if len(text) - end > MOST_LINE:
-            raise DataError(f"a line of more than {MOST_LINE} characters; expected a table")
-        rest = text[end:]
-        yield text[:end]
-    yield rest
-
-
-def _numbers(text: bytes, form: TableForm, chosen: Sequence[str]) -> Array:
-    import pyarrow as pa
-    import pyarrow.csv as pc
-
-    if not text.strip():
-        return np.empty((0, len(chosen)))
-    text = form.clean(text)
-    try:
-        table = pc.read_csv(
-            pa.BufferReader(text),
-            # by one thread: one that is still at work when the interpreter is taken down may abort it
-            pc.ReadOptions(
-                column_names=[str(i) for i in range(len(form.headers))], use_threads=False, block_size=len(text) + 1
-            ),
-            pc.ParseOptions(delimiter=form.delimiter),
-            pc.ConvertOptions(
-                column_types=dict.fromkeys(chosen, pa.float64()),
-                include_columns=list(dict.fromkeys(chosen)),
-                null_values=missing_words(),
-                decimal_point=form.decimal,
-            ),
-        )
-    except pa.ArrowInvalid as error:
-        raise DataError(f"not a table of numbers after line {form.first} ({one_line(error, 160)})") from error
-    return np.column_stack([table[name].to_numpy() for name in chosen])
-
-
-def _read_parquet(path: Path, source: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        refuse_fatal(path)
-    except ValueError as error:
-        raise DataError(f"not a Parquet file that can be read ({error})") from error
-    try:
-        with pq.ParquetFile(source, pre_buffer=False, buffer_size=_PART) as file:
-            every = list(file.schema_arrow)
-            settled = f"icmj.{SETTLED}".encode() in (file.schema_arrow.metadata or {})
-            good = [i for i, f in enumerate(every) if _holds_numbers(f.type)]
-            left = [f"{f.name}, which is of type {f.type}" for i, f in enumerate(every) if i not in good]
-            fields = [every[i] for i in good]
-            if not fields:
-                raise DataError("no column of numbers")
-            units = [(f.metadata or {}).get(b"unit", b"").decode(errors="replace") for f in fields]
-            units = ["s" if pa.types.is_temporal(f.type) else unit for f, unit in zip(fields, units, strict=True)]
-            choice = choose_columns([f.name for f in fields], units, columns, rate, left)
-            names = [f.name for f in every]  # two may have one name
-            chosen = [(names[good[i]], names[: good[i]].count(names[good[i]])) for i in choice.at]
-            data, count = choice.room(file.metadata.num_rows), 0
-            for batch in file.iter_batches(_ROWS, columns=list({name for name, _ in chosen}), use_threads=False):
-                for i, (name, which) in enumerate(chosen):
-                    column = batch.column(batch.schema.get_all_field_indices(name)[which])
-                    data[count : count + len(batch), i] = _to_numbers(column)
-                count += len(batch)
-    except (pa.ArrowException, OSError, IndexError) as error:
-        raise DataError(f"not a Parquet file that can be read ({one_line(error, 160)})") from error
-    series = choice.to_series(data[:count])
-    return replace(series, facts={**series.facts, SETTLED: ""}) if settled else series
-
-
-def _holds_numbers(kind: pa.DataType) -> bool:
-    import pyarrow.types as kinds
-
-    return bool(
-        kinds.is_floating(kind) or kinds.is_integer(kind) or kinds.is_decimal(kind) or kinds.is_timestamp(kind)
-        or kinds.is_duration(kind)
-    )  # fmt: skip
-
-
-def _to_numbers(column: pa.Array) -> Array:
-    """Numbers; of times and durations those of seconds."""
-    import pyarrow as pa
-
-    kind = column.type
-    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
-        return _to_numbers(column.cast(pa.int64())) * {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
-    if pa.types.is_decimal(kind):
-        column = column.cast(pa.float64())
-    return np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)
-
-
-def _read_npz(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
-    try:
-        headers = npz_headers(path)
-        told = read_npz(path, _MOST_WORDS, ("names", "units")) if "names" in headers else {}
-        if any(texts.dtype.kind not in "US" for texts in told.values()):
-            raise DataError("names and units are not arrays of text")
-        kept = {name: one for name, one in headers.items() if name not in ("names", "units", "facts")}
-        shapes = {name: shape for name, (shape, kind) in kept.items() if kind.kind in "fiu" and shape}
-        several = [name for name, shape in shapes.items() if len(shape) == 2 and shape[1] > 1]
-        if several:
-            raise DataError(f"{several[0]} has shape {shapes[several[0]]}; save each column under a name of its own")
-        vectors = [name for name, shape in shapes.items() if shape[1:] in ((), (1,))]
-        left = [f"{name}, which is no vector of numbers" for name in kept if name not in vectors]
-        lengths = {headers[name][0][0] for name in vectors}
-        if len(lengths) != 1:
-            raise DataError("expected one-dimensional arrays of numbers, all of the same length")
-        names, texts = (told.get(key, np.zeros(0, str)).astype(str).ravel().tolist() for key in ("names", "units"))
-        known = dict(zip(names, texts, strict=False))
-        choice = choose_columns(vectors, [known.get(name, "") for name in vectors], columns, rate, left)
-        data = choice.room(lengths.pop())
-        chosen = [vectors[i] for i in choice.at]
-        for name, values in each_npz(path, 8 * MOST_NUMBERS * 2, chosen):
-            data[:, [i for i, other in enumerate(chosen) if other == name]] = values.reshape(-1, 1)
-    except DataError:
-        raise
-    except ValueError as error:
-        raise DataError(str(error)) from error
-    return choice.to_series(data)
-
-
-READERS: dict[str, Callable[[Path, BinaryIO, Sequence[str], float | None], Series]] = {
-    ".parquet": _read_parquet,
-    ".npz": _read_npz,
-    ".mot": _read_opensim,
-    ".sto": _read_opensim,
-    ".c3d": _read_c3d,
-}
 
 _TABLE = "save its table as CSV, with names and units in the first row"
 ELSEWHERE = {

@@ -45,7 +45,7 @@ from icmj.runfile.schema import RunFile
 from icmj.series.plausibility import doubt
 from icmj.series.reading import read_series
 from icmj.series.series import SETTLED, Series, expect_rate
-from icmj.series.writing import FORMATS
+from icmj.series.writing import find_writers
 from icmj.simulation.settings import reseeded
 from icmj.study.estimate import refuse_trials
 from icmj.study.kind import CaseResult, DoubleStepKind, Experiment, Kind, QuietStandingKind
@@ -111,7 +111,7 @@ def write_trial(folder: Folder, name: str, index: int, trial: Recording) -> None
     events_of = Series(trial.events, times, ("interval",), ("s",), {"outcome": trial.outcome})
     for series, path in ((events_of, events), (trial.series, signals)):
         with folder.seal(path) as part:
-            FORMATS[path.suffix](series, part)
+            find_writers()[path.suffix](series, part)
 
 
 def read_trial(folder: Folder, name: str, index: int) -> Recording | None:

@@ -60,5 +60,5 @@ def test_whatever_may_crash_runs_in_this_one_sandbox(root: Path) -> None:
         if "subprocess.run(" in (text := path.read_text(encoding="utf-8")) or "Popen(" in text
     }
     assert starts == {"base/process.py", "work/workers.py", "log/reader.py"}
-    used = {"engine/safety.py", "series/c3d.py", "log/reader.py", "base/array.py"}
+    used = {"engine/safety.py", "series/formats/c3d.py", "log/reader.py", "base/array.py"}
     assert all("run_bounded(" in (root / "icmj" / name).read_text(encoding="utf-8") for name in used)

@@ -16,6 +16,8 @@ from hypothesis import strategies as st
 from icmj.errors import DataError
 from icmj.series import reading
 from icmj.series.columns import name_and_unit
+from icmj.series.formats import csv as csv_format
+from icmj.series.formats import parquet
 from icmj.series.reading import read_series
 from icmj.series.series import Series
 from icmj.series.writing import write_series
@@ -181,7 +183,8 @@ def test_more_than_fits_is_refused_before_it_is_read(tmp_path, kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_only_what_is_asked_for_is_read(tmp_path, kind, monkeypatch):
-    monkeypatch.setattr(reading, "_PART", 100_000)
+    monkeypatch.setattr(csv_format, "PART", 100_000)
+    monkeypatch.setattr(parquet, "BUFFER", 100_000)
     rows, names = 20_000, tuple(f"c{i}" for i in range(60))
     series = Series(np.arange(rows) / 100, np.arange(rows * 60.0).reshape(rows, 60), names)
     write_series(series, tmp_path / f"sway{kind}")
@@ -196,7 +199,7 @@ def test_only_what_is_asked_for_is_read(tmp_path, kind, monkeypatch):
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("part", [7, 8, 9, 100])
 def test_a_table_is_the_same_in_parts(tmp_path, monkeypatch, end, part):
-    monkeypatch.setattr(reading, "_PART", part)
+    monkeypatch.setattr(csv_format, "PART", part)
     rows = [f"{i / 10},{i * i},{-i}" for i in range(30)]
     (tmp_path / "a.csv").write_bytes(end.join(["t,a,b", *rows, "", rows[-1].replace("2.9", "3.0"), ""]).encode())
     found = read_series(tmp_path / "a.csv")

@@ -7,7 +7,7 @@ import pytest
 
 from icmj import Series, read_series, write_series
 from icmj.errors import DataError
-from icmj.series import c3d
+from icmj.series.formats import c3d
 
 T = np.arange(0, 4, 0.01)
 

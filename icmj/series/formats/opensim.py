@@ -1,14 +1,21 @@
-"""The header of OpenSim's .mot and .sto files, and the units that their columns have by OpenSim's conventions."""
+"""OpenSim's .mot and .sto: a header and a table of text, whose columns have units by OpenSim's conventions."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+from typing import BinaryIO
 
 from icmj.base.text import one_line
 from icmj.errors import DataError
+from icmj.series.csv_table import LONGEST_LINE
+from icmj.series.formats import FORMATS
+from icmj.series.series import Series
 
+SUFFIXES = (".mot", ".sto")
 LINES = 190  # in which the header must end, so that numbers begin where they are looked for
 # by the end of a column's name: of ground reactions, translations, inverse dynamics, muscles
 _UNITS = (
@@ -83,3 +90,12 @@ def header_of(lines: Iterable[bytes]) -> Header:
         angle="" if degrees is None else _ANGLES[degrees.lower()],
         rows=None if rows is None else int(rows),
     )
+
+
+def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
+    header = header_of(islice(iter(lambda: file.readline(LONGEST_LINE + 1), b""), LINES + 1))
+    file.seek(0)
+    series: Series = FORMATS[FORMATS.names[0]].read(path, file, columns, rate)
+    if header.rows is not None and header.rows != len(series):
+        raise DataError(f"{len(series)} rows where its header says {header.rows}; was it cut short?")
+    return replace(series, units=tuple(map(header.unit_of, series.names)))

@@ -16,6 +16,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -25,7 +26,10 @@ from icmj.base.process import run_bounded
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.c3d_reader import REFUSED
-from icmj.series.series import place
+from icmj.series.columns import MOST_NUMBERS
+from icmj.series.series import Series, place, see_names_differ
+
+SUFFIXES = (".c3d",)
 
 LONGEST_READ = 120.0  # s on the clock
 # bytes of addresses: at most, for the libraries, and for each byte of a file, of which ezc3d takes 14 for floats
@@ -34,7 +38,7 @@ _MOST = 65535  # frames that a header can count
 GROUPS = ("centres of pressure", "forces", "points", "analog channels", "centres of single plates")
 # each more takes 40 MB of the addresses that the reader may use, on a machine of sixty processors all of them
 _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-_READER = Path(__file__).parent / "c3d_reader.py"
+_READER = Path(__file__).parents[1] / "c3d_reader.py"
 
 
 @dataclass(frozen=True)
@@ -150,3 +154,12 @@ def group_for(groups: Sequence[Group], columns: Sequence[str]) -> Group:
     units = tuple(owner[i].units[owner[i].names.index(known[i])] for i in at)
     first = owner[at[0]]
     return Group(first.kind, tuple(known[i] for i in at), units, first.rate, first.start, np.column_stack(values))
+
+
+def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
+    group = group_for(groups_of(path), columns)
+    see_names_differ(group.names)
+    if group.values.size > MOST_NUMBERS:
+        raise DataError(f"{group.values.size} numbers; expected at most {MOST_NUMBERS / 1e6:g} million")
+    t = group.start + np.arange(len(group.values)) / group.rate
+    return Series(t, group.values, group.names, group.units)

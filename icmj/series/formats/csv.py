@@ -1,0 +1,117 @@
+"""Tables of text as instruments and spreadsheets write them, with the form that :mod:`icmj.series.csv_table` finds.
+
+They are written with a row of names such as ``ankle [rad]`` between commas, and numbers that are restored bit for bit.
+"""
+
+from __future__ import annotations
+
+import codecs
+import io
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.base.text import one_line
+from icmj.errors import DataError
+from icmj.series.columns import choose_columns
+from icmj.series.csv_table import HEAD, LONGEST_LINE, TableForm, find_form, missing_words
+from icmj.series.series import Series
+
+SUFFIXES = (".csv",)
+MOST_COLUMNS = 2000
+MOST_LINE = 1_000_000  # bytes
+PART = 8_000_000  # bytes of a file that are looked at together
+
+
+def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
+    if (mark := file.read(2)) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        file = io.BytesIO((mark + file.read()).decode("utf-16", errors="replace").encode())
+    file.seek(0)
+    form = find_form(b"".join(islice(iter(lambda: file.readline(LONGEST_LINE + 1), b""), HEAD)))
+    if len(form.headers) > MOST_COLUMNS:
+        raise DataError(f"{len(form.headers)} columns; expected at most {MOST_COLUMNS}")
+    numeric = [i for i, number in enumerate(form.numeric) if number]
+    texts = (header for header, number in zip(form.headers, form.numeric, strict=True) if header and not number)
+    left = [f"{header}, which is text" for header in texts]
+    for i, words in form.faults.items():
+        if not form.numeric[i] and not columns:
+            name = form.headers[i] or f"column {i + 1}"
+            raise DataError(f"{name}: {words!r} is no number; write the unit in the name")
+    choice = choose_columns(
+        [form.headers[i] for i in numeric], [form.units[i] for i in numeric], columns, rate, left,
+        {numeric.index(i): words for i, words in form.faults.items() if i in numeric},
+    )  # fmt: skip
+    chosen = [str(numeric[i]) for i in choice.at]
+    file.seek(form.offset)
+    ends = [(text.count(b"\n"), text.count(b"\r")) for text in iter(lambda: file.read(PART), b"")]
+    # a blank line ends, too; rows may be fewer, not more
+    data = choice.room(max(map(sum, zip(*ends, strict=True)), default=0) + 1)
+    file.seek(form.offset)
+    count = 0
+    for text in _parts(file):
+        rows = _numbers(text, form, chosen)
+        if count + len(rows) > len(data):  # lines ended in both ways
+            raise DataError("mixed line endings; save the file with one kind of line ending")
+        data[count : count + len(rows)] = rows
+        count += len(rows)
+    return choice.to_series(data[:count])
+
+
+def _parts(file: BinaryIO) -> Iterator[bytes]:
+    """The rest of a file, in parts that end with complete lines."""
+    rest = b""
+    while text := file.read(PART):
+        text = rest + text
+        end = max(text.rfind(b"\n"), text.rfind(b"\r", 0, -1)) + 1
+        if len(text) - end > MOST_LINE:
+            raise DataError(f"a line of more than {MOST_LINE} characters; expected a table")
+        rest = text[end:]
+        yield text[:end]
+    yield rest
+
+
+def _numbers(text: bytes, form: TableForm, chosen: Sequence[str]) -> Array:
+    import pyarrow as pa
+    import pyarrow.csv as pc
+
+    if not text.strip():
+        return np.empty((0, len(chosen)))
+    text = form.clean(text)
+    try:
+        table = pc.read_csv(
+            pa.BufferReader(text),
+            # by one thread: one that is still at work when the interpreter is taken down may abort it
+            pc.ReadOptions(
+                column_names=[str(i) for i in range(len(form.headers))], use_threads=False, block_size=len(text) + 1
+            ),
+            pc.ParseOptions(delimiter=form.delimiter),
+            pc.ConvertOptions(
+                column_types=dict.fromkeys(chosen, pa.float64()),
+                include_columns=list(dict.fromkeys(chosen)),
+                null_values=missing_words(),
+                decimal_point=form.decimal,
+            ),
+        )
+    except pa.ArrowInvalid as error:
+        raise DataError(f"not a table of numbers after line {form.first} ({one_line(error, 160)})") from error
+    return np.column_stack([table[name].to_numpy() for name in chosen])
+
+
+def write(series: Series, part: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.csv as pc
+
+    columns = (series.t, *series.values.T)
+    table = pa.table([pa.array(column) for column in columns], names=[str(i) for i in range(len(columns))])
+    with open(part, "wb") as file:
+        file.write((",".join(_quote(name) for name in series.headers) + "\n").encode())
+        pc.write_csv(table, file, pc.WriteOptions(include_header=False, quoting_style="none"))
+
+
+def _quote(name: str) -> str:
+    name = " ".join(name.split())
+    return '"' + name.replace('"', '""') + '"' if "," in name or '"' in name else name
