@@ -60,6 +60,7 @@ def _corners(plant: MujocoPlant, x: Array, u: Array) -> Iterator[Notice]:
         # those that act at rest are in the linearisation, and are told with it
         limits = sort_bounds(plant.model, plant.linearisation.point, ports.states, ports.entries)[0]
         yield from (_notice(plant, limit, x, u) for limit in _acting(engine, limits, x, u))
+        yield from _yielding(engine, x, u)
         impose(engine.model, plant.model, limits)
         yield from _elsewhere(engine, x, u)
     except mujoco.FatalError as error:
@@ -96,6 +97,35 @@ def _acting(engine: Dynamics, limits: Sequence[Bound], x: Array, u: Array) -> It
         impose(model, original, limits, limit)
         if (np.abs(_answers(engine, x, u) - free) > same).any():
             yield limit
+
+
+def _yielding(engine: Dynamics, x: Array, u: Array) -> Iterator[Notice]:
+    """Springs that a motion strains beyond where they yield: no answer shows it, for steps alone move their rest."""
+    model, data = engine.model, engine.data
+    if not model.nplastic:
+        return
+    joints, tendons = (np.flatnonzero(of >= 0) for of in (model.jnt_plasticadr, model.tendon_plasticadr))
+    strain, turn = np.zeros((len(x), len(joints) + len(tendons))), np.zeros(3)
+    for row, at in zip(strain, zip(x, u, strict=True), strict=True):
+        engine.forward(*at)
+        for i, joint in enumerate(joints):
+            first, ball = int(model.jnt_qposadr[joint]), model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL
+            here, rest = (of[first : first + 4] for of in (data.qpos, model.qpos_spring))
+            if ball:
+                mujoco.mju_subQuat(turn, here, rest)
+            row[i] = np.linalg.norm(turn) if ball else abs(here[0] - rest[0])
+        low, high = model.tendon_lengthspring[tendons].T
+        row[len(joints) :] = np.maximum(low - data.ten_length[tendons], data.ten_length[tendons] - high)
+    names = [f"joint {model.joint(i).name or i}" for i in joints] + [
+        f"tendon {model.tendon(i).name or i}" for i in tendons
+    ]
+    yields = np.concatenate([model.jnt_springyield[joints], model.tendon_springyield[tendons]])
+    for name, most, least in zip(names, strain.max(axis=0), yields, strict=True):
+        if most > least:
+            words = (
+                f"the predicted orbit strains the spring of {name} by {most:.3g}, and it yields at {least:.3g}{_END}"
+            )
+            yield Notice("not linear", "warning", words)
 
 
 def _notice(plant: MujocoPlant, limit: Bound, x: Array, u: Array) -> Notice:

@@ -154,7 +154,7 @@ def _states(states: Sequence[str], chosen: Selection, model: str) -> np.ndarray:
 
 FREEDOM, ACTUATOR, BODY = 0, 1, 2
 WIDTH = 11
-_STEP = {True: 1e-3, False: 1.0}  # half the distance of a difference [N, N m], where something touches and elsewhere
+_PUSH = 1e-4  # half the distance of a difference over a push, as a share of the forces at rest, by what they accelerate
 
 
 def places(
@@ -248,17 +248,32 @@ def forces(model: mujoco.MjModel, data: mujoco.MjData, table: Array, sizes: Arra
 
 
 def effects(model: mujoco.MjModel, point: OperatingPoint, table: Array) -> Array:
-    """Effects of pushes of size 1 on the rates of (qpos, qvel, act) at ``point``, by differences; shape (n, K)."""
-    data, found = data_at(model, point), np.zeros((2 * model.nv + model.na, len(table)))
+    """Effects of pushes of size 1 on the rates of (qpos, qvel, act) at ``point``, shape (n, K).
+
+    Where no constraint acts, accelerations are linear in forces; elsewhere they are differenced.
+    """
+    nv, data, found = model.nv, data_at(model, point), np.zeros((2 * model.nv + model.na, len(table)))
+
+    def moved(force: Array) -> Array:
+        """The accelerations that a force would cause without constraints, M⁻¹ f."""
+        result = np.zeros((1, nv))
+        mujoco.mj_solveM(model, data, result, np.ascontiguousarray(force[None]))
+        return result[0]
+
     with isolate_engine(), solve_fully(model):
         mujoco.mj_forward(model, data)
-        step = _STEP[bool(data.nefc)]
+        acting = (data.qfrc_bias, data.qfrc_passive, data.qfrc_actuator, data.qfrc_constraint)
+        rest = max(float(force @ moved(force)) for force in acting)
         for column, row in zip(found.T, table, strict=True):
             force = forces(model, data, row[None], np.ones(1))
+            column[nv : 2 * nv] = free = moved(force)
+            if not data.nefc or not force.any():
+                continue
+            step, column[nv : 2 * nv] = _PUSH * np.sqrt(rest / (force @ free)) if rest > 0 else 1.0, 0.0
             for sign in (1.0, -1.0):
                 data.qfrc_applied[:] = sign * step * force
                 mujoco.mj_forward(model, data)
-                column[model.nv :] += sign / (2 * step) * np.concatenate([data.qacc, data.act_dot])
+                column[nv : 2 * nv] += sign / (2 * step) * data.qacc
     return found
 
 

@@ -77,6 +77,14 @@ LIMITS = {
         model(tendon=ROPE.format('stiffness="100" springlength="-0.04 0.06"')), "θ", 0.02,
         "not linear", "passes an end of the springlength of tendon rope",
     ),
+    "yielding joint": (
+        model(joint='stiffness="100" springyield="0.02"'), "θ", 0.02,
+        "not linear", "strains the spring of joint lean by {peak}, and it yields at 0.02",
+    ),
+    "yielding tendon": (
+        model(tendon=ROPE.format('stiffness="100" springlength="0" springyield="0.04"')), "θ", 0.02,
+        "not linear", "strains the spring of tendon rope",
+    ),
     "engaged spring": (
         model(tendon=ROPE.format('stiffness="100" springlength="-0.2 -0.04"'), key='qpos="0" ctrl="8"'), "θ", 0.02,
         "not linear", "passes an end of the springlength of tendon rope",
