@@ -16,7 +16,7 @@ from icmj import Controller, EventTrigger, LinearPlant, MujocoPlant, Settings, d
 from icmj.engine.block import Slot, Stages, block_of, may_constrain, stages_of
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.native.field import callbacks, flow
-from icmj.engine.native.fixed_steps import save, step
+from icmj.engine.native.fixed_steps import save, step, undo
 from icmj.engine.native.state import PROGRESS, engine_of
 from icmj.engine.safety import isolate_engine
 
@@ -141,6 +141,31 @@ def test_a_step_of_a_ball_joint_errs_by_the_fifth_power_of_its_length(tmp_path: 
             errors.append(np.abs(np.concatenate([data.qpos, data.qvel, data.act]) - exact).max())
             assert abs(np.linalg.norm(data.qpos[turn : turn + 4]) - 1) < 1e-15
     assert (np.log2(np.array(errors[:-1]) / errors[1:]) > 4.8).all()
+
+
+def test_a_step_is_undone_where_a_spring_has_yielded(tmp_path: Path) -> None:
+    model = composed(load_plant(written(tmp_path, pendulum(MOTOR, joint='stiffness="9" springyield="0.1"'))))
+    block, data = block_of(model), mujoco.MjData(model)
+    assert block is not None
+    data.qpos[0] = 1.0
+
+    @numba.njit
+    def back(engine, progress, length):  # type: ignore[no-untyped-def]
+        save(engine)
+        step(engine, progress, length)
+        yielded = engine.plastic[0]
+        undo(engine, progress)
+        return yielded
+
+    with isolate_engine(*callbacks()):
+        mujoco.mj_forward(model, data)
+        before = data.qacc.copy()
+        progress = np.zeros(1, PROGRESS)
+        progress[0]["end"] = progress[0]["length"] = 1e-3
+        yielded = back(engine_of(model, data, block.header[Slot.PHASE : Slot.PHASE + 1]), progress, 1e-3)
+    assert yielded > 0.8
+    assert (data.qpos[0], data.plastic[0]) == (1.0, 0.0)
+    np.testing.assert_array_equal(data.qacc, before)
 
 
 def test_nothing_can_constrain_where_everything_that_could_is_off() -> None:

@@ -84,7 +84,7 @@ _WHOLE = int(Stages.WHOLE)
 def save(engine):  # type: ignore[no-untyped-def]
     """Save the state at the start of a step, and its rates."""
     at = 0
-    for part in (engine.qpos, engine.qvel, engine.act, engine.warmstart):
+    for part in (engine.qpos, engine.qvel, engine.act, engine.warmstart, engine.plastic):
         for i in range(len(part)):
             engine.saved[at + i] = part[i]
         at += len(part)
@@ -118,7 +118,7 @@ def keep_rates(engine, k):  # type: ignore[no-untyped-def]
 @exact
 def _restore(engine, progress):  # type: ignore[no-untyped-def]
     at = 0
-    for part in (engine.qpos, engine.qvel, engine.act, engine.warmstart):
+    for part in (engine.qpos, engine.qvel, engine.act, engine.warmstart, engine.plastic):
         for i in range(len(part)):
             part[i] = engine.saved[at + i]
         at += len(part)

@@ -86,6 +86,7 @@ class Engine(NamedTuple):
     act: Array
     sensordata: Array
     warmstart: Array
+    plastic: Array
     phase: Array
     saved: Array
     stages: int
@@ -200,8 +201,9 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, smooth: 
         act=data.act,
         sensordata=data.sensordata,
         warmstart=data.qacc_warmstart,
+        plastic=data.plastic,
         phase=phase,
-        saved=np.empty(model.nq + 2 * model.nv + model.na),
+        saved=np.empty(model.nq + 2 * model.nv + model.na + model.nplastic),
         # the engine's other integrators read more of what a forward pass leaves
         stages=int(stages),
         lean=integrator == RK4 and has_rates(model),
