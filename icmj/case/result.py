@@ -37,7 +37,8 @@ from icmj.measurement.measurement import Measurement, measure, reduced_states
 from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant, transformation
 from icmj.runfile.schema import RunFile
-from icmj.series.series import NEAR, Series, piecewise
+from icmj.series.interpolation import NEAR, piecewise
+from icmj.series.series import Series
 from icmj.simulation.simulation import Scene, Simulation
 from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import PredictedOrbit, Prediction

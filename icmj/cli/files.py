@@ -364,9 +364,9 @@ def _measure(path: Path, command: arguments.MeasureCommand) -> tuple[Sway, tuple
 def _signals(path: Path, command: arguments.MeasureCommand) -> tuple[Series, tuple[str, ...]]:
     """The series to be measured, from a log or a file, evenly sampled for a log or with a rate; and notes."""
     from icmj.errors import DataError
+    from icmj.series.even_rows import even_series
     from icmj.series.plausibility import doubt
     from icmj.series.reading import cut_rows, read_series
-    from icmj.series.series import even_series
 
     columns = command.columns if command.torque is None else (*command.columns, command.torque)
     if path.suffix == ".rrd":

@@ -40,7 +40,8 @@ if TYPE_CHECKING:
     from icmj.controller.switching import SwitchingPD
     from icmj.cycle.switched import SwitchedCycle
     from icmj.engine.linearisation import Linearisation
-    from icmj.measurement.sway import Coordinate, Diffusion, Measure, Plane, Sway
+    from icmj.measurement.stabilogram import Diffusion
+    from icmj.measurement.sway import Coordinate, Measure, Plane, Sway
     from icmj.plant.linear_plant import LinearPlant
     from icmj.plant.quality import Notice, Quality
     from icmj.runfile.schema import RunFile

@@ -19,7 +19,8 @@ from icmj.errors import SimulationError, expect
 from icmj.measurement.sway import sway_numbers
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import short
-from icmj.series.series import NEAR, Series
+from icmj.series.interpolation import NEAR
+from icmj.series.series import Series
 from icmj.simulation.settings import MOST_ROWS, Settings, reseeded
 from icmj.simulation.simulation import Simulation
 from icmj.work.workers import Task, Workers, processes

@@ -39,7 +39,8 @@ from icmj.base.numbers import Card, WithCard
 from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.errors import AnalysisError, DataError
 from icmj.plant.linear_plant import LinearPlant, Match, match_ports
-from icmj.series.series import Series, even_series
+from icmj.series.even_rows import even_series
+from icmj.series.series import Series
 
 
 @dataclass(frozen=True, eq=False)

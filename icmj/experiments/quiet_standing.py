@@ -28,7 +28,8 @@ from icmj.base.numbers import Card, WithCard, readable
 from icmj.errors import AnalysisError, DataError
 from icmj.measurement.statistics import FEWEST, Modality, cut_windows, modality
 from icmj.measurement.sway import MEASURES, sway_numbers
-from icmj.series.series import Series, even_series
+from icmj.series.even_rows import even_series
+from icmj.series.series import Series
 from icmj.series.units import in_si
 
 

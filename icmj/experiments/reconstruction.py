@@ -25,7 +25,8 @@ from icmj.base.numbers import Card, WithCard, amount
 from icmj.controller.controller import Controller
 from icmj.controller.setpoint import StepPairs
 from icmj.errors import AnalysisError, DataError, expect
-from icmj.series.series import Series, even_series
+from icmj.series.even_rows import even_series
+from icmj.series.series import Series
 
 MOST_POLES, MOST_ZEROS = 3, 3  # of a fitted model
 _ITERATIONS = 6  # of a fit; its poles have settled by then

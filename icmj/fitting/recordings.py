@@ -30,8 +30,9 @@ from icmj.base.text import one_line
 from icmj.errors import DataError, FitError
 from icmj.fitting.family import DURATION, RATE
 from icmj.measurement import sway
+from icmj.series.even_rows import even_series, expect_rate
 from icmj.series.reading import read_series
-from icmj.series.series import EVEN, Series, even_series, expect_rate
+from icmj.series.series import EVEN, Series
 from icmj.series.units import factor_of
 
 _SIX = {

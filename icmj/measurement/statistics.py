@@ -26,7 +26,7 @@ import numpy as np
 
 from icmj.base.array import RELATIVE_ROUNDING, Array, between, extent
 from icmj.errors import DataError
-from icmj.series.series import evenly
+from icmj.series.even_rows import evenly
 from icmj.simulation.simulation import Simulation
 
 SEGMENTS = 4  # lengths of a segment in the signal; they overlap by half

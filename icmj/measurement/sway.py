@@ -1,13 +1,4 @@
-"""Measures of sway, as used in posturography for the centre of pressure (definitions, sources: docs/measures.md).
-
-Prediction ellipse and range of a sway, which contain a further value with a given probability.
-
-Stabilogram diffusion: the mean square displacement of sway against the time lag (Collins & De Luca 1993).
-
-Over short times sway is persistent and moves away from its position; over long times it returns. Both appear as
-straight lines in the mean square displacement against time on logarithmic axes, with slope 2H: H = 1/2 is a random
-walk, larger values are persistent, smaller ones anti-persistent.
-"""
+"""Measures of sway, as used in posturography for the centre of pressure (definitions, sources: docs/measures.md)."""
 
 from __future__ import annotations
 
@@ -17,220 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from icmj.base.array import RELATIVE_ROUNDING, Array, between, steps_in
+from icmj.base.array import RELATIVE_ROUNDING, Array, between
 from icmj.base.numbers import Card, WithCard, amount
 from icmj.errors import DataError
+from icmj.measurement.ellipse import Ellipse, prediction_ellipse, prediction_range
+from icmj.measurement.power_distribution import Frequencies, frequencies
+from icmj.measurement.stabilogram import Diffusion, diffusion
 from icmj.measurement.statistics import Spectrum, level_still, spectrum
-from icmj.series.series import Series, even_series
+from icmj.series.even_rows import even_series
+from icmj.series.series import Series
 from icmj.series.units import in_si
 
-LEVEL = 0.95
-
-
-@dataclass(frozen=True, eq=False)
-class Ellipse:
-    """The prediction ellipse of points in a plane: a further point lies in it with probability ``level``.
-
-    Not to be confused with the confidence ellipse of the mean, which shrinks as the record grows.
-
-    Attributes:
-        centre: mean, shape (2,).
-        axes: half lengths of the axes, the longer first, shape (2,) [unit].
-        angle: of the longer axis from the first coordinate, in (−π/2, π/2] [rad].
-        level: probability.
-    """
-
-    centre: Array
-    axes: Array
-    angle: float
-    level: float = LEVEL
-
-    @property
-    def area(self) -> float:
-        """π a b [unit²]."""
-        return float(np.pi * self.axes.prod())
-
-    def outline(self, points: int = 181) -> Array:
-        """The ellipse as a closed curve, shape (points, 2)."""
-        turn = np.linspace(0, 2 * np.pi, points)
-        along = np.array([np.cos(self.angle), np.sin(self.angle)])
-        across = np.array([-along[1], along[0]])
-        return (
-            self.centre + np.outer(self.axes[0] * np.cos(turn), along) + np.outer(self.axes[1] * np.sin(turn), across)
-        )
-
-
-def prediction_ellipse(points: Array, level: float = LEVEL) -> Ellipse:
-    """The prediction ellipse of normally distributed points, with the exact factor for their number.
-
-    They are taken as independent: of a record that is not much longer than the memory of its motion, fewer further
-    points lie in it.
-
-    The squared half axes are the eigenvalues of the covariance times 2(N+1)(N−1)/(N(N−2)) F(2, N−2) (Chew 1966,
-    J Am Stat Assoc 61:605-617). The factor tends to the quantile of χ² with two degrees of freedom, which
-    the code of Schubert & Kirchner (2014, Gait Posture 39:518-522) takes: 0.08 % less at N = 6000.
-
-    Args:
-        points: shape (N, 2), N > 2.
-        level: probability.
-    """
-    from scipy.special import fdtri
-
-    N = len(points)
-    factor = 2 * (N + 1) * (N - 1) / (N * (N - 2)) * fdtri(2, N - 2, level)
-    variances, directions = np.linalg.eigh(np.cov(points.T))
-    along = directions[:, 1]
-    angle = float(np.arctan2(along[1], along[0]))
-    angle = angle - np.pi if angle > np.pi / 2 else angle + np.pi if angle <= -np.pi / 2 else angle
-    return Ellipse(points.mean(axis=0), np.sqrt(factor * np.maximum(variances[::-1], 0)), angle, level)
-
-
-def prediction_range(values: Array, level: float = LEVEL) -> float:
-    """Width of the interval about the mean that holds a further value with probability ``level``: 2 t s √(1 + 1/N).
-
-    Values are taken as independent: of a record that is not much longer than the memory of its motion, fewer further
-    ones lie in it.
-
-    Args:
-        values: shape (N,), N > 1, normally distributed.
-        level: probability.
-    """
-    from scipy.special import stdtrit
-
-    N = len(values)
-    return float(2 * stdtrit(N - 1, (1 + level) / 2) * values.std(ddof=1) * np.sqrt(1 + 1 / N))
-
-
-SHORT = (0.05, 0.5)
-LONG = (2.5, 10.0)
-"""Windows of the fits [s]. Collins & De Luca chose them by eye, the short one up to about 1 s, the long one to 10 s."""
-FEWEST_LAGS = 2.0  # lengths of a lag that a record must have: from fewer, its mean square is no average
-
-
-@dataclass(frozen=True)
-class Regime:
-    """A range of lags of the diffusion plot.
-
-    Attributes:
-        start, end: first and last lag [s].
-        H: scaling exponent, half the slope on logarithmic axes.
-        D: diffusion coefficient, half the slope on linear axes [unit²/s].
-        offset: value of this line at lag zero [unit²].
-    """
-
-    start: float
-    end: float
-    H: float
-    D: float
-    offset: float
-
-
-@dataclass(frozen=True, eq=False)
-class Diffusion:
-    """The stabilogram-diffusion plot of one coordinate, or of a point in a plane.
-
-    Attributes:
-        lag: time differences [s], increasing from one step, shape (M,).
-        displacement: mean square displacement [unit²], for a point in a plane the sum over both coordinates, shape
-            (M,).
-        short, long: the fitted lines; ``None`` if the record is too short or too coarse for a line.
-    """
-
-    lag: Array
-    displacement: Array
-    short: Regime | None
-    long: Regime | None
-
-    @property
-    def critical(self) -> tuple[float, float] | None:
-        """Lag [s] and mean square displacement [unit²] at which the straight lines on linear axes meet, or ``None``."""
-        if self.short is None or self.long is None or not self.short.D > self.long.D:
-            return None
-        lag = (self.long.offset - self.short.offset) / (2 * (self.short.D - self.long.D))
-        return (float(lag), float(self.short.offset + 2 * self.short.D * lag)) if lag > 0 else None
-
-
-def diffusion(
-    values: Array,
-    rate: float,
-    *,
-    short: tuple[float, float] = SHORT,
-    long: tuple[float, float] = LONG,
-) -> Diffusion:
-    """The stabilogram diffusion of evenly sampled sway.
-
-    ⟨Δx²⟩ at a lag is the mean over all pairs of samples with this time difference; for a plane ⟨Δr²⟩ = ⟨Δx²⟩ + ⟨Δy²⟩.
-    The lines are ⟨Δx²⟩ = 2 D Δt + c, and log ⟨Δx²⟩ = 2 H log Δt + c, fitted by least squares to all lags within each
-    window.
-
-    Args:
-        values: the coordinate, shape (N,), or both coordinates of a plane, shape (N, 2).
-        rate: samples per second [Hz].
-        short, long: windows of the fits [s].
-    """
-    N = len(values)
-    most = min(steps_in(long[1] * rate), steps_in((N - 1) / FEWEST_LAGS))
-    lags = np.arange(1, most + 1)
-    displacement = np.zeros(most)
-    for column in np.atleast_2d(values.T):
-        displacement += _mean_squares(column, most)
-    lag = lags / rate
-    return Diffusion(lag, displacement, _regime(lag, displacement, short), _regime(lag, displacement, long))
-
-
-def _mean_squares(values: Array, most: int) -> Array:
-    """⟨(x_{i+m} − x_i)²⟩ for m = 1 … ``most``, from the autocorrelation by fast Fourier transforms; shape (most,)."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
-    x, N = values - values.mean(), len(values)
-    size = next_fast_len(N + most + 1, real=True)
-    spectrum = rfft(x, size)
-    products = irfft(spectrum * np.conj(spectrum), size)[1 : most + 1]
-    lags = np.arange(1, most + 1)
-    total = np.concatenate([[0.0], np.cumsum(x**2)])
-    squares = (total[-1] - total[lags]) + total[N - lags]
-    return np.maximum(squares - 2 * products, 0) / (N - lags)
-
-
-def _regime(lag: Array, displacement: Array, window: tuple[float, float]) -> Regime | None:
-    inside, reaches = between(lag, *window), between(lag[-1:], window[1]).any()
-    if inside.sum() < 3 or not (displacement[inside] > 0).all() or not reaches:
-        return None
-    t, square = lag[inside], displacement[inside]
-    slope, offset = _line(t, square)
-    exponent, _ = _line(np.log(t), np.log(square))
-    return Regime(window[0], window[1], exponent / 2, slope / 2, offset)
-
-
-def _line(x: Array, y: Array) -> tuple[float, float]:
-    """Slope and offset of the line that fits best."""
-    about = x - x.mean()
-    slope = float(about @ y / (about @ about))
-    return slope, float(y.mean() - slope * x.mean())
-
-
 FEWEST = 20  # rows below which there is nothing to measure
-SLOPE = (0.1, 0.7)  # Hz
-FEWEST_LINES = 4  # of the spectrum in that band, below which there is no slope
 SEGMENTS = 2  # lengths of a segment of the spectrum in the record
-
-
-@dataclass(frozen=True)
-class Frequencies:
-    """Distribution of a signal's power over frequency, within a band.
-
-    Attributes:
-        mean: ∫f P df / ∫P df [Hz].
-        median: frequency below which half of the power lies [Hz].
-        edge: frequency below which 95 % of the power lies [Hz].
-        slope: slope of log P against log f from 0.1 to 0.7 Hz, both included, independent of the band; NaN with fewer
-            than four lines.
-    """
-
-    mean: float
-    median: float
-    edge: float
-    slope: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -462,45 +252,6 @@ def from_torque(series: Series, torque: str, weight: float) -> Series:
         raise DataError(f"a weight must be positive and finite, got {weight:g} N")
     moment = in_si(series.chosen([torque]), "torque")
     return replace(moment, values=-moment.values / weight, names=("cop",), units=("m",))
-
-
-def frequencies(frequency: Array, power: Array, band: tuple[float, float] = (0.0, np.inf)) -> Frequencies:
-    """Distribution of the power of a spectrum over frequency, by the trapezoidal rule; NaN without power.
-
-    Args:
-        frequency: [Hz], rising, shape (F,).
-        power: density, shape (F,).
-        band: what of it counts [Hz], both ends included.
-
-    Raises:
-        DataError: if fewer than two lines are in the band.
-    """
-    if between(frequency, *band).sum() < 2:
-        raise DataError(f"no two lines of the spectrum from {band[0]:g} to {band[1]:g} Hz; widen the band")
-    low, high = (float(np.clip(edge, frequency[0], frequency[-1])) for edge in band)
-    # between two lines the power is that of the straight line between them, also where the band begins or ends there
-    f = np.concatenate([[low], frequency[(frequency > low) & (frequency < high)], [high]])
-    P = np.interp(f, frequency, power)
-    below = np.concatenate([[0.0], np.cumsum(np.diff(f) * (P[1:] + P[:-1]) / 2)])
-    if not below[-1] > 0:
-        return Frequencies(np.nan, np.nan, np.nan, np.nan)
-    median, edge = np.interp([0.5, 0.95], below / below[-1], f)
-    mean = np.trapezoid(f * P, f) / below[-1]
-    return Frequencies(float(mean), float(median), float(edge), _slope(frequency, power))
-
-
-def _slope(f: Array, P: Array) -> float:
-    """The slope by least squares, of lines by how much of their distance from the others they lie in the band.
-
-    A line within it counts as one, and one beyond its end by a share of the distance between lines as that much less:
-    so a record that is longer by a row, whose lines lie a little closer, has nearly the same.
-    """
-    beyond = np.maximum(SLOPE[0] - f, f - SLOPE[1]) / (f[1] - f[0])
-    weight = np.clip(1 - beyond, 0, 1) * ((P > 0) & (f > 0))
-    low = weight > RELATIVE_ROUNDING
-    if between(f[low], *SLOPE).sum() < FEWEST_LINES:
-        return np.nan
-    return float(np.polynomial.polynomial.polyfit(np.log(f[low]), np.log(P[low]), 1, w=np.sqrt(weight[low]))[1])
 
 
 def _coordinate(name: str, unit: str, values: Array, step: float, found: Frequencies) -> Coordinate:

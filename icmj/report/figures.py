@@ -32,7 +32,8 @@ from icmj.case.result import (
     threshold_unit,
 )
 from icmj.errors import DataError, ReportError
-from icmj.measurement.sway import Diffusion, Sway, measure_sway
+from icmj.measurement.stabilogram import Diffusion
+from icmj.measurement.sway import Sway, measure_sway
 from icmj.plant.linear_plant import LinearPlant
 from icmj.report import style
 from icmj.report.wording import CaseRuns, Panel

@@ -1,3 +1,3 @@
-from .series import piecewise as piecewise
+from .interpolation import piecewise as piecewise
 
 __all__: list[str]

@@ -15,8 +15,9 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import DataError
+from icmj.series.even_rows import step_of
 from icmj.series.plates import leave_out_unloaded, loads_of
-from icmj.series.series import COUNTER, Series, place, see_names_differ, step_of
+from icmj.series.series import COUNTER, Series, place, see_names_differ
 from icmj.series.units import SECONDS
 
 MOST_NUMBERS = 12_000_000  # that are read, times among them; measuring them takes a gigabyte and a half

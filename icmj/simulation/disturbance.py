@@ -36,7 +36,7 @@ from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.controller.setpoint import TERNARY_INTERVALS, ternary
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant, Push, Vector
-from icmj.series.series import NEAR, snap
+from icmj.series.interpolation import NEAR, snap
 from icmj.simulation.settings import (
     Bias,
     Gaussian,

@@ -26,7 +26,9 @@ from icmj.controller.controller import Controller
 from icmj.controller.setpoint import Setpoint
 from icmj.plant.linear_plant import LinearPlant, Push
 from icmj.plant.quality import Notice
-from icmj.series.series import COUNTER, NEAR, Series, piecewise, snap, steady, step_of
+from icmj.series.even_rows import step_of
+from icmj.series.interpolation import NEAR, piecewise, snap
+from icmj.series.series import COUNTER, Series, steady
 from icmj.simulation.ending import Outcome
 
 if TYPE_CHECKING:
@@ -333,7 +335,7 @@ class Simulation(WithCard):
         Args:
             rate: rows per second [Hz], evenly spaced from t = 0; the recorded rows as they are if ``None``. At a
                 recorded row the series has its values. Values between rows are interpolated by a cubic spline within
-                each open-loop interval, never across an event, an action or a step (:mod:`icmj.series.series`).
+                each open-loop interval, never across an event, an action or a step (:mod:`icmj.series.interpolation`).
             controller: controller of the run; if given, the inputs and the event function right after each event are
                 computed instead of extrapolated from the next row.
             breaks: further times [s] across which values are not interpolated; there the value is the one from there

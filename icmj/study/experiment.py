@@ -42,9 +42,10 @@ from icmj.report import style
 from icmj.report.experiment import Row, experiment_page
 from icmj.runfile.experiment_tables import CaseTable, ExperimentFile, load_experiment
 from icmj.runfile.schema import RunFile
+from icmj.series.even_rows import expect_rate
 from icmj.series.plausibility import doubt
 from icmj.series.reading import read_series
-from icmj.series.series import SETTLED, Series, expect_rate
+from icmj.series.series import SETTLED, Series
 from icmj.series.writing import find_writers
 from icmj.simulation.settings import reseeded
 from icmj.study.estimate import refuse_trials

@@ -38,7 +38,8 @@ from icmj.experiments.reconstruction import EARLIEST, Reconstruction, reconstruc
 from icmj.experiments.refractoriness import DIRECTIONS, Explanation, Reactions, Refractoriness, analyse_reactions
 from icmj.runfile.experiment_tables import DoubleStepTable, ExperimentFile, QuietStandingTable
 from icmj.runfile.schema import RunFile
-from icmj.series.series import EVEN, SETTLED, Series, even_series, row_step
+from icmj.series.even_rows import even_series, row_step
+from icmj.series.series import EVEN, SETTLED, Series
 from icmj.simulation.simulation import Simulation
 
 if TYPE_CHECKING:

@@ -41,7 +41,8 @@ from icmj.experiments.quiet_standing import (
 from icmj.runfile.experiment_tables import IntersectionPointTable, MultisineTable, PerturbedStanceTable
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import TomlTable
-from icmj.series.series import EVEN, SETTLED, Series, even_series
+from icmj.series.even_rows import even_series
+from icmj.series.series import EVEN, SETTLED, Series
 from icmj.series.units import in_si
 from icmj.simulation.disturbance import LOW_PASS_END, ternary_lines
 from icmj.simulation.settings import Gaussian, Noise, Sinusoids, Source

@@ -277,7 +277,7 @@ def at_multiples(simulation: Simulation, interval: float) -> Simulation:
     import numpy as np
 
     from icmj.base.array import instants
-    from icmj.series.series import NEAR
+    from icmj.series.interpolation import NEAR
 
     t, none, run = simulation.t, slice(0, 0), simulation
     due = np.append(np.searchsorted(t, instants(interval, float(t[-1])) - NEAR), len(t) - 1)

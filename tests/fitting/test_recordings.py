@@ -8,7 +8,8 @@ from icmj.cli.arguments import FitCommand
 from icmj.cli.files import people_of
 from icmj.errors import FitError
 from icmj.fitting.recordings import MOST, SUMMARIES, measures, public_trials, read_trials, summarise
-from icmj.series.series import Series, even_series
+from icmj.series.even_rows import even_series
+from icmj.series.series import Series
 
 
 def sway(duration=60.0, rate=100.0, rms=4.0, seed=0):

@@ -7,6 +7,7 @@ from scipy.signal import lfilter, welch
 
 from icmj import Noise, measure
 from icmj.linear.run import simulate
+from icmj.measurement.power_distribution import frequencies
 from icmj.measurement.statistics import (
     Estimate,
     Statistics,
@@ -17,8 +18,7 @@ from icmj.measurement.statistics import (
     spectrum,
     statistics,
 )
-from icmj.measurement.sway import frequencies
-from icmj.series.series import evenly
+from icmj.series.even_rows import evenly
 from icmj.simulation.ending import Outcome
 from icmj.simulation.simulation import Events, Simulation
 

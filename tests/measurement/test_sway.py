@@ -10,7 +10,8 @@ from scipy import signal
 
 from icmj import Series, read_series
 from icmj.errors import DataError
-from icmj.measurement.sway import MEASURES, frequencies, from_torque, measure_sway
+from icmj.measurement.power_distribution import frequencies
+from icmj.measurement.sway import MEASURES, from_torque, measure_sway
 
 RATE = 100.0
 T = np.arange(6000) / RATE

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.series.series import Series, even_series, evenly
+from icmj.series.even_rows import even_series, evenly
+from icmj.series.series import Series
 
 
 def test_even_rows_are_not_interpolated(monkeypatch):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from icmj.series.series import piecewise
+from icmj.series.interpolation import piecewise
 
 JUMPS = np.array([0.7315, 1.2052])
 

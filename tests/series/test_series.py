@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from icmj.errors import DataError
-from icmj.series.series import Series, even_series
+from icmj.series.even_rows import even_series
+from icmj.series.series import Series
 
 T = np.arange(0, 2, 0.01)
 
