@@ -8,6 +8,7 @@ import numpy as np
 import icmj
 from benchmarks.row import Row, interleaved, median
 from icmj.engine.closed_loop import close_loop
+from icmj.engine.flow import follow
 
 NOISY = Path(__file__).resolve().parent.parent / "benchmarks" / "standing.toml"
 MINUTES = 7  # repeats of a minute with noise
@@ -25,7 +26,7 @@ def rows() -> list[Row]:
         schedule = loop.schedule(case.settings, float(case.settings.timestep or loop.model.opt.timestep))
         a = np.zeros(loop.block.act.stop - loop.block.act.start)
         x = np.eye(1, loop.plant.linearisation.plant.n)[0] * 0.002
-        runs[name] = lambda loop=loop, x=x, a=a, schedule=schedule: loop.run(loop.data(x, a), schedule)
+        runs[name] = lambda loop=loop, x=x, a=a, schedule=schedule: follow(loop, loop.data(x, a), schedule)
     interleaved(runs, 1)
     times = interleaved(runs, MINUTES)
     ratio = median(a / b for a, b in zip(times["noisy"], times["quiet"], strict=True))

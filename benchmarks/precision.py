@@ -10,7 +10,7 @@ from benchmarks.python_loop import PythonLoop
 from benchmarks.row import Row, least
 from benchmarks.scipy_loop import ScipyLoop
 from benchmarks.task import Task, three_link
-from icmj.engine.closed_loop import Record
+from icmj.engine.flow import Record, follow
 from icmj.simulation.settings import Settings
 
 DURATION = 15.0
@@ -96,7 +96,7 @@ def _engine(task: Task, exact: Exact) -> Iterable[Point]:
     settings = Settings(duration=DURATION, record_interval=0.01)
 
     def run(h: float) -> Record:
-        return loop.run(loop.data(task.x, np.tile(task.x_o, 2)), loop.schedule(settings, h))
+        return follow(loop, loop.data(task.x, np.tile(task.x_o, 2)), loop.schedule(settings, h))
 
     for h in TIMESTEPS:
         rows = run(h)

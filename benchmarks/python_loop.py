@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.task import Task
 from icmj.engine.block import block_of
-from icmj.engine.closed_loop import POINTS
+from icmj.engine.extremes import POINTS
 from icmj.engine.native.extremes import extremes
 from icmj.engine.safety import isolate_engine
 

@@ -24,7 +24,7 @@ ICMJ = "from icmj.cli.main import entry; entry()"  # what the program icmj does
 PARTS = [
     ("imports", "importlib._bootstrap>", "_find_and_load"),
     ("compiled code from the disk cache", "base/linking.py", "load_overload"),
-    ("stepping", "engine/native/loop.py", "advance"),
+    ("stepping", "engine/native/steps.py", "advance"),
     ("writing the log", "log/writer.py", "write_log"),
 ]
 

@@ -9,14 +9,11 @@ from benchmarks import overhead
 from benchmarks.python_loop import PythonLoop
 from benchmarks.row import Row, interleaved, median
 from benchmarks.task import three_link
-from icmj.engine.native.field import callbacks
-from icmj.engine.native.fixed_steps import FixedSteps
-from icmj.engine.safety import isolate_engine
-from icmj.engine.schedule import recording
+from icmj.engine.flow import CHUNK, Flow
 from icmj.simulation.native.loop import Status
 from icmj.simulation.settings import Settings
 
-STEPS = 2000
+STEPS = CHUNK
 REPEATS = 60
 BOUND = 1.1
 
@@ -30,11 +27,9 @@ def rows() -> list[Row]:
     lean = spec.compile()
     loop, python, folded = task.loop(), PythonLoop(task, False), PythonLoop(task, True)
     model = loop.model
-    record = recording(STEPS, 3, 1 + model.nq + model.nv + model.na + 3)
     schedule = loop.schedule(Settings(duration=1e4), model.opt.timestep)
-    point = task.plant.linearisation.point.qpos
-    with isolate_engine(*callbacks()):
-        native = FixedSteps(model, loop.data(task.x, np.tile(task.x_o, 2)), schedule, point)
+    with loop.ready():
+        native = Flow(loop, loop.data(task.x, np.tile(task.x_o, 2)), schedule)
     events = 0
 
     def stepping(plant: mujoco.MjModel) -> Callable[[], None]:
@@ -49,10 +44,10 @@ def rows() -> list[Row]:
 
     def step_native() -> None:
         nonlocal events
-        record.clear()
-        with isolate_engine(*callbacks()):
-            assert native.advance(record, STEPS) == Status.RUNNING
-        events += int(record.count[2])
+        native.record.clear()
+        with loop.ready():
+            assert native.advance() == Status.RUNNING
+        events += int(native.record.count[2])
 
     def in_python(loop: PythonLoop) -> Callable[[], None]:
         return lambda: loop.run(STEPS // 20 * model.opt.timestep, model.opt.timestep) and None

@@ -10,6 +10,7 @@ import numpy as np
 from benchmarks.row import Row, interleaved, median
 from benchmarks.task import three_link
 from icmj.engine.closed_loop import ComposedLoop
+from icmj.engine.flow import follow
 from icmj.simulation.settings import Settings
 
 RUNS = 8
@@ -25,7 +26,7 @@ def rows() -> list[Row]:
     bare = [task.plant.spec.copy().compile() for _ in range(RUNS)]
 
     def run(loop: ComposedLoop) -> None:
-        loop.run(loop.data(task.x, np.tile(task.x_o, 2)), loop.schedule(settings, 2e-3))
+        follow(loop, loop.data(task.x, np.tile(task.x_o, 2)), loop.schedule(settings, 2e-3))
 
     def step(model: mujoco.MjModel) -> None:
         mujoco.mj_step(model, mujoco.MjData(model), nstep=round(DURATION / 2e-3))

@@ -256,7 +256,7 @@ def test_there_is_one_event_loop() -> None:
                 entries[f"{path.parts[-3]}.{path.stem}"] = bool({"run_loop", "_run"} & set(calls))
     assert loops == {"run_loop"}
     assert {name for name, through in entries.items() if through} == {
-        "linear.pieces", "linear.stretches", "engine.fixed_steps", "engine.stretches",
+        "linear.pieces", "linear.stretches", "engine.steps", "engine.stretches",
     }  # fmt: skip
     # the others visit states of a motion that is known, look for extremes in it, or evaluate sinusoids
     others = {"engine.state", "engine.extremes", "simulation.waves"}

@@ -106,7 +106,10 @@ class _Disk(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors(), _modules_of_numba_left_alone():
-            return self._load_overload(sig, target_context)
+            try:
+                return self._load_overload(sig, target_context)
+            except (AttributeError, ImportError):  # of another version: types are named in it that are gone
+                self._cache_file.flush()
         return None  # what numba's own makes of an error that it swallows
 
 

@@ -253,11 +253,11 @@ class Case(WithCard):
         Raises:
             ModelError, SimulationError: if plant and controller do not fit together, or the timestep is not usable.
         """
+        from icmj.engine.closed_loop import close_loop
         from icmj.engine.stepping import stepping_of
-        from icmj.engine.tapped import close
 
         body = self.model.matched(self.controller.plant, "position")
-        return stepping_of(close(body, self.controller, self.settings), self.settings)
+        return stepping_of(close_loop(body, self.controller, self.settings), self.settings)
 
     @property
     def setpoint(self) -> Setpoint | None:

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, layout_of, realise, start_state
-from icmj.engine.closed_loop import CHUNK, ComposedLoop, close_loop
+from icmj.controller.controller import Controller, has_trigger, layout_of, realise, start_state
+from icmj.engine.closed_loop import ComposedLoop, close_loop
+from icmj.engine.flow import Flow, Log, follow
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.safety import EngineFault, can_fault
-from icmj.engine.schedule import Recording, Schedule, recording
+from icmj.engine.schedule import Schedule
 from icmj.engine.stepping import schedule_of
 from icmj.errors import CycleError, SimulationError
 from icmj.simulation.ending import OpenLoopInterval, Sample, one_in_flight
 from icmj.simulation.native.loop import Status
 from icmj.simulation.settings import Settings
-
-if TYPE_CHECKING:
-    from icmj.engine.native.fixed_steps import FixedSteps
 
 NEVER = 1e300  # s between rows: only events are wanted
 ROWS = 200  # in an interval: what a spline through them errs by is far below what it is used for
@@ -40,17 +38,18 @@ class EngineOpenLoop:
 
         ``like`` may be one of the same model, for the same thread: they share their room.
         """
-        one_in_flight(loop.controller)
-        self.loop = loop
+        controller = loop.controller
+        assert has_trigger(controller)
+        one_in_flight(controller)
+        self.loop, self.controller = loop, controller
         self.schedule = replace(schedule, events=1, record_interval=every)
         self.data: mujoco.MjData = mujoco.MjData(loop.model) if like is None else like.data
-        self._record: Recording = recording(CHUNK, loop.model.nsensordata, loop.width) if like is None else like._record
         self._around: list[Any] = [] if like is None else like._around
         if like is not None and (like.schedule.tolerance > 0) == (schedule.tolerance > 0):
-            self._steps: FixedSteps = like._steps.reschedule(self.schedule, loop.plant.linearisation.point.qpos)
+            self._flow: Flow = like._flow.share(loop, self.schedule)
             return
         with loop.ready():
-            self._steps = loop.stepper(self.data, self.schedule)
+            self._flow = Flow(loop, self.data, self.schedule)
 
     def __call__(self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0) -> OpenLoopInterval:
         """One interval from an event at ``t``; it ends at the settings' duration if no event comes."""
@@ -60,35 +59,30 @@ class EngineOpenLoop:
         self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0
     ) -> tuple[OpenLoopInterval, Array]:
         """The same, with the recorded rows (t, qpos, qvel, act, sensordata), the first at ``t``."""
-        loop, data, record = self.loop, self.data, self._record
+        loop, data, flow = self.loop, self.data, self._flow
         hold = x_o if x_h is None else x_h
-        a = start_state(loop.controller, np.asarray(x_o, float), np.asarray(hold, float))
-        status, last = Status.RUNNING, t
+        a = start_state(self.controller, np.asarray(x_o, float), np.asarray(hold, float))
+        status = Status.RUNNING
         mujoco.mj_resetData(loop.model, data)
         with loop.ready():
             loop.place(data, np.asarray(x, float), a, t)
-            self._steps.begin()
-            rows = [np.concatenate([[t], data.qpos, data.qvel, data.act, data.sensordata])[None, :]]
-            tracker = loop.tracker(data, self.schedule)
+            flow.start()
+            log = Log(flow)
             while status == Status.RUNNING:
-                record.clear()
                 try:
-                    status = self._steps.advance(record, CHUNK)
+                    status = flow.advance()
                 except (EngineFault, mujoco.FatalError):
                     status = Status.DIVERGED
-                    record.count[2] = 0
-                n_dense, n_rows, n_events, _ = (int(n) for n in record.count)
-                tracker.add(record.dense[:n_dense, 0], loop.y(record.dense[:n_dense, 1:]), record.event_at[:n_events])
-                rows.append(record.rows[:n_rows].copy())
-                last = float(record.dense[n_dense - 1, 0]) if n_dense else last
-            row = record.events[0] if n_events else record.rows[max(n_rows, 1) - 1]
-            if not n_events and not n_rows:  # there was no time to fly
-                row = rows[0][0]
-            outcome = None if n_events else loop.outcome(status, last, data, self.schedule, np.zeros(0))
-        end = loop.departures(row[None, :].copy())
-        y_max, y_min = tracker.result() if n_events else (np.full((1, end.y.shape[1]), np.nan),) * 2
-        flight = OpenLoopInterval(last - t, end.x[0], end.x_o[0], end.x_h[0], end.y[0], y_max[-1], y_min[-1], outcome)
-        return flight, np.concatenate(rows)
+                    flow.record.count[2] = 0
+                log.take()
+            rows, events = np.concatenate(log.rows), np.concatenate(log.events)
+            row = events[:1] if len(events) else rows[-1:]
+            outcome = None if len(events) else loop.outcome(status, log.t, data, self.schedule, np.zeros(0))
+        end = loop.departures(row)
+        y_max, y_min = log.tracker.result() if len(events) else (np.full((1, end.y.shape[1]), np.nan),) * 2
+        length = log.t - t
+        flight = OpenLoopInterval(length, end.x[0], end.x_o[0], end.x_h[0], end.y[0], y_max[-1], y_min[-1], outcome)
+        return flight, rows
 
     def rates(self, rows: Array, moves: Array) -> Array:
         """(qvel, qacc, act_dot) at all ``rows`` (qpos, qvel, act), moved by each of ``moves``.
@@ -146,15 +140,15 @@ class EngineCourse:
         """
         from scipy.interpolate import CubicSpline
 
-        self._flight, self.loop = flight, (loop := flight.loop)
+        self._flight, self.loop, self.controller = flight, (loop := flight.loop), flight.controller
         self._act = loop.block.act
-        a = start_state(loop.controller, np.asarray(x_o, float), np.asarray(x_h, float))
+        a = start_state(self.controller, np.asarray(x_o, float), np.asarray(x_h, float))
         if rows is None or len(rows) < min(_FEW, length / flight.schedule.timestep):
             rows = _flown(flight, np.asarray(x, float), a, length)
-        delay = loop.controller.delay.t_d
+        delay = self.controller.delay.t_d
         length = float(rows[-1, 0])
         self.cuts: tuple[float, ...] = (0.0, delay, length) if 0 < delay < length else (0.0, length)
-        self._layout, self._controls = layout_of(loop.controller), realise(loop.controller)
+        self._layout, self._controls = layout_of(self.controller), realise(self.controller)
         self._held = self._holds(a)
         self._kept = loop.plant.linearisation.ports.states
         self._nq, self._nv, self._na = loop.model.nq, loop.model.nv, loop.model.na
@@ -181,7 +175,7 @@ class EngineCourse:
     def _free(self, a: Array, tau: Array) -> Array:
         """The controller's state at times ``tau`` into a part: the hold in closed form, the observer unchanged."""
         after, h = np.tile(a, (len(tau), 1)), self._layout["x_h"]
-        after[:, h] = self.loop.controller.hold.free(a[h], tau)
+        after[:, h] = self.controller.hold.free(a[h], tau)
         return after
 
     def _part(self, t: Array) -> np.ndarray:
@@ -203,7 +197,7 @@ class EngineCourse:
         loop, parts = self.loop, self._part(t)
         rows = np.concatenate([self._whole(t[parts == part], part) for part in range(len(self._splines))])
         at = loop.departures(np.hstack([t[:, None], rows]))
-        u = -at.x_h @ loop.controller.design.k.T
+        u = -at.x_h @ self.controller.design.k.T
         return Sample(t, at.x, at.x_o, at.x_h, at.y, u, rows[:, : self._nq])
 
     def generators(self, t: Array, part: int) -> Array:
@@ -241,7 +235,7 @@ class EngineCourse:
 
 def _flown(flight: EngineOpenLoop, x: Array, a: Array, length: float) -> Array:
     every = length / ROWS if flight.schedule.tolerance else max(length / ROWS, flight.schedule.timestep)
-    record = flight.loop.run(flight.loop.data(x, a), replace(flight.schedule, events=1, record_interval=every))
+    record = follow(flight.loop, flight.loop.data(x, a), replace(flight.schedule, events=1, record_interval=every))
     if len(record.events) != 1:
         raise SimulationError(f"the interval {record.outcome.message}, without an event at its end")
     return record.rows

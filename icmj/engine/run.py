@@ -2,10 +2,11 @@
 
 The accuracy of a run, estimated by repeating a part of it at half the timestep.
 
-This part is the last complete open-loop interval, from the state right after the event that begins it; if there are
-fewer than two events, it is the last second. With a method of order p the error at step h is 2^p/(2^p − 1) times the
-difference between h and h/2. The estimate costs as much as two intervals of the run. All rows of this part are
-compared: what is fast errs most soon after an event, and little is left of that at the next.
+Under a trigger this part is the last complete open-loop interval, from the state right after the event that begins it;
+if there are fewer than two events, it is the last second. Under any other controller it is the last seconds. With a
+method of order p the error at step h is 2^p/(2^p − 1) times the difference between h and h/2. The estimate costs as
+much as two intervals of the run. All rows of this part are compared: what is fast errs most soon after an event, and
+little is left of that at the next.
 
 The required step follows from the same number: errors are proportional to h^p, so :func:`choose_timestep` scales one
 measured step to the requested tolerance. The default is the timestep of the model file; the shipped ones (2 ms for the
@@ -25,16 +26,17 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, between
 from icmj.base.process import INTERPRETED, limit_to_one_thread
-from icmj.controller.controller import Law, has_trigger, layout_of
-from icmj.engine.closed_loop import ComposedLoop, Record, close_loop
+from icmj.controller.controller import Law, has_trigger
+from icmj.engine.closed_loop import ComposedLoop, close_loop
+from icmj.engine.flow import Record, follow
 from icmj.engine.limits import apply_limits, find_clipped, has_limit, shares
 from icmj.engine.open_loop import EngineOpenLoop
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.schedule import EVENT_TOLERANCE, Schedule
+from icmj.engine.schedule import EVENT_TOLERANCE, Schedule, States
 from icmj.engine.stepping import Stepping, stepping_of
-from icmj.engine.tapped import TappedLoop, TappedRecord, close_tapped
 from icmj.errors import SimulationError
-from icmj.simulation.disturbance import collect_drives, keep_rows
+from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation.disturbance import ControllerRows, collect_drives, keep_rows
 from icmj.simulation.settings import Settings, plant_start, start_states
 from icmj.simulation.simulation import Events, Simulation, labels_of
 from icmj.simulation.taps import copy_of, expect_no_observer, expect_readings, least_of, modes_of
@@ -105,6 +107,8 @@ def order_of(model: mujoco.MjModel) -> int:
 
 def estimate(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
     """Estimate the error of a run; all NaN where the run is too short to repeat a stretch of it."""
+    if not has_trigger(loop.controller):
+        return _since_a_stand(loop, schedule, record)
     if loop.controller.delay.in_flight(loop.controller.trigger.clock) > 1:
         return _nothing(loop)  # a row does not hold the events that have not acted yet
     # an interval alone knows nothing of what a set-point is at, which is a state of the controller, too
@@ -114,19 +118,21 @@ def estimate(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy
 
 
 def _over_an_interval(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
+    controller = loop.controller
+    assert has_trigger(controller)
     first, last = loop.departures(record.events[-2:-1]), record.events[-1]
     begin, stretch = float(record.events[-2, 0]), float(last[0] - record.events[-2, 0])
     if stretch < 2 * schedule.timestep:
         return _nothing(loop)
     plan = replace(finer(schedule), t_end=float(last[0]) + 0.1 * stretch + 10 * schedule.timestep)
-    hold = first.x_h[0] if loop.controller.delay else None
+    hold = first.x_h[0] if controller.delay else None
     again = EngineOpenLoop(loop, plan, plan.record_interval)
     flight, rows = again.recorded(first.x[0], first.x_o[0], hold, begin)
     if flight.outcome is not None:
         return _nothing(loop)
     # neither a clock's interval has an error, nor one that Δ_min or the delay ends: E had been passed long before
-    least = loop.controller.least
-    given = np.isfinite(schedule.clock) or min(stretch, flight.length) <= least * (1 + 1e-9) + 1e-12
+    least = controller.least
+    given = np.isfinite(controller.trigger.clock) or min(stretch, flight.length) <= least * (1 + 1e-9) + 1e-12
     interval = float("nan") if given else abs(stretch - flight.length)
     own = record.rows[(record.rows[:, 0] > begin) & (record.rows[:, 0] < last[0])]
     # an event's own row is of another instant in both, by the error of the interval
@@ -137,18 +143,34 @@ def _over_an_interval(loop: ComposedLoop, schedule: Schedule, record: Record) ->
 def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
     # a row that is an event shows the state before the reset
     usable = record.rows[~np.isin(record.rows[:, 0], record.events[:, 0])]
-    if len(usable) < 3 or loop.controller.delay:
+    if len(usable) < 3 or loop.controller.realisation.delay:
         return _nothing(loop)
     first, last = usable[between(usable[:, 0], usable[-1, 0] - 1.0)][0], usable[-1]
     stretch = float(last[0] - first[0])
     if stretch < 2 * schedule.timestep:
         return _nothing(loop)
-    start = loop.departures(first[None, :])
-    a = layout_of(loop.controller).join(x_o=start.x_o[0], x_h=start.x_h[0])
-    data = loop.data(start.x[0], a, float(first[0]))
-    again = loop.run(data, replace(finer(schedule), t_end=float(last[0])))
+    data = loop.data(loop.departures(first[None, :]).x[0], loop.state(first), float(first[0]))
+    again = follow(loop, data, replace(finer(schedule), t_end=float(last[0])))
     found = apart(loop, record.rows[record.rows[:, 0] > first[0]], again.rows, (last[None, :], again.rows[-1:]))
     return scale_error(loop, float("nan"), found, stretch)
+
+
+def _since_a_stand(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
+    """The error of the run's last seconds: of the outputs at their end, and of their last switch.
+
+    What is read at their begin is that of the run; they are some delays long, so that what is read later is not.
+    """
+    end, stand, runs = float(record.rows[-1, 0]), record.stand, []
+    assert stand is not None
+    for plan in (schedule, finer(schedule)):
+        history, now = copy_of(stand.history, stand.now)
+        there = replace(stand, history=history, now=now)
+        runs.append(follow(loop, stand.data(loop.model), replace(plan, t_end=end), stand=there))
+    coarse, fine = runs
+    both_switched = 0 < len(coarse.events) == len(fine.events)
+    interval = abs(float(coarse.events[-1, 0] - fine.events[-1, 0])) if both_switched else float("nan")
+    found = apart(loop, coarse.rows, fine.rows, (coarse.rows[-1:], fine.rows[-1:]))
+    return scale_error(loop, interval, found, end - stand.t)
 
 
 def finer(schedule: Schedule) -> Schedule:
@@ -244,25 +266,30 @@ def simulate(
     x0: ArrayLike | None = None,
     x_o0: ArrayLike | None = None,
     x_h0: ArrayLike | None = None,
+    a0: ArrayLike | None = None,
     progress: Callable[[float], None] | None = None,
     error_estimate: bool = True,
 ) -> Simulation:
-    """Simulate ``plant`` on the engine under ``controller``.
+    """Simulate ``plant`` on the engine under ``controller``; outputs before t = 0 are those at the start.
 
     Args:
         plant: the actual plant.
-        controller: design, hold and trigger, or any other, by its realisation (:mod:`icmj.engine.tapped`).
+        controller: design, hold and trigger, or any other, by its realisation (:mod:`icmj.engine.flow`).
         settings: duration, start, steps and disturbance; see :func:`icmj.engine.stepping.stepping_of`.
         x0: plant state at t = 0 as departure from the operating point, shape (n,); replaces ``settings.initial``.
         x_o0: observer state at t = 0, shape (n̂,); replaces ``settings.observer``.
         x_h0: hold state at t = 0, shape (n̂,); x_o0 if ``None``, because t = 0 is an event.
+        a0: start of the state of a controller without a trigger (N_a,), right after an event; zero if ``None``.
         progress: called repeatedly with the completed fraction, 0–1.
-        error_estimate: measure the error by repeating the last interval at half the timestep.
+        error_estimate: measure the error by repeating the last interval, or the last seconds, at half the timestep.
 
     Returns:
         The run, recorded at multiples of ``record_interval`` (of a given timestep where a step ends next), at every
         event (values just before the reset), at every action and where what is given jumps (values after it), and at
-        the end. ``u`` is the command −k̂x_h; ``applied`` what acts of it and the disturbance beside it. ``precision``
+        the end. Events are those of the trigger, or of the controller's rule or clock, or, of one without them, its
+        switches. What the state of a controller without a trigger means is not known here: observer, hold and event
+        function are not recorded. ``u`` is the command; ``applied`` what acts of it and the disturbance beside it.
+        ``precision``
         has ``integrator``, ``order``, ``timestep`` [s] (and the ``tolerance`` that it is chosen for, if it is),
         ``event_tolerance`` [s], ``interval_error`` [s], ``output_error`` (relative; both estimated over one interval),
         ``output_errors`` (of each output), ``state_error`` (largest of a state), ``steps``, ``seconds``,
@@ -275,27 +302,27 @@ def simulate(
         SimulationError: if a named state or input does not exist, a start state has the wrong shape, or the timestep
             is not usable.
     """
-    if not has_trigger(controller):
-        expect_no_observer(controller, settings, x_o0, x_h0)
-        return simulate_tapped(plant, controller, settings, x0=x0, progress=progress, error_estimate=error_estimate)
-    x, a = start_states(plant.linearisation.plant, controller, settings, x0, x_o0, x_h0)
+    linear, real = plant.linearisation.plant, controller.realisation
+    x, a = _start(linear, controller, settings, (x0, x_o0, x_h0, a0))
     loop = close_loop(plant, controller, settings)
     steps = stepping_of(loop, settings)
     schedule = loop.schedule(settings, steps.timestep, steps.tolerance)
 
     begin = time.perf_counter()
-    record = loop.run(loop.data(x, a), schedule, progress)
-    seconds = time.perf_counter() - begin
-    precision = facts(loop, steps, schedule, record, seconds)
+    repeatable = error_estimate and not has_trigger(controller)
+    inside = np.zeros(len(loop.block.M))
+    inside[: 0 if real.tapped else len(a)] = a[: 0 if real.tapped else len(a)]
+    record = follow(loop, loop.data(x, inside), schedule, progress, repeatable=repeatable)
+    precision = facts(loop, steps, schedule, record, time.perf_counter() - begin)
     if error_estimate:
-        precision |= estimate(loop, schedule, record).facts(schedule, plant.linearisation.plant.outputs)
+        precision |= estimate(loop, schedule, record).facts(schedule, linear.outputs)
 
     rows, events = loop.departures(record.rows), loop.departures(record.events)
-    held, at_events = (keep_rows(controller, of.x_o, of.x_h) for of in (rows, events))
+    held, at_events = _held(controller, rows, record.u), _held(controller, events, record.u[:0])
     acting, reached = _limits(plant, loop, record.rows, held.u)
     return Simulation(
         plant="mujoco",
-        control=controller.trigger.kind,
+        control=controller.kind,
         t=record.rows[:, 0],
         x=rows.x,
         y=rows.y,
@@ -307,107 +334,37 @@ def simulate(
         outcome=record.outcome,
         precision=precision | reached,
         qpos=record.rows[:, 1 : 1 + loop.model.nq],
-        delay=controller.delay.t_d,
+        delay=real.delay if real.eventful else 0.0,
         applied=acting,
+        least=least_of(real),
+        noisy=settings.noisy,
+        labels=labels_of(linear, controller.plant) if has_trigger(controller) else labels_of(linear),
+        **modes_of(real, record.mode),
         **collect_drives(controller, loop.acting, record.rows[:, 0]),
-        least=controller.least,
-        noisy=settings.noisy,
-        labels=labels_of(plant.linearisation.plant, controller.design.plant),
     )
 
 
-@limit_to_one_thread()
-def simulate_tapped(
-    plant: MujocoPlant,
-    law: Law,
-    settings: Settings,
-    *,
-    x0: ArrayLike | None = None,
-    a0: ArrayLike | None = None,
-    progress: Callable[[float], None] | None = None,
-    error_estimate: bool = True,
-) -> Simulation:
-    """Simulate ``plant`` under any controller, from its realisation; outputs before t = 0 are those at the start.
-
-    Args:
-        plant, law, settings, x0, progress: as ``plant``, ``controller`` … of :func:`icmj.engine.run.simulate`.
-        a0: start of the controller's state (N_a,), right after an event; zero if ``None``.
-        error_estimate: as there, repeating the last seconds.
-
-    Returns:
-        The run, as of :func:`icmj.engine.run.simulate`. Events are those of the rule or the clock, or, of a controller
-        without them, its switches. What the controller's state means is not known here: observer, hold and event
-        function are not recorded.
-
-    Raises:
-        ModelError: if plant and controller do not fit.
-        SimulationError: if a named state or input does not exist, the start state has the wrong shape, or the timestep
-            is not usable.
-    """
-    linear = plant.linearisation.plant
-    realisation = expect_readings(law, linear)
-    x = plant_start(linear, settings, x0)
-    loop = close_tapped(plant, law, settings)
-    steps = stepping_of(loop, settings)
-    schedule = loop.schedule(settings, steps.timestep, steps.tolerance)
-
-    begin = time.perf_counter()
-    a = np.zeros(len(loop.block.M))
-    a[: realisation.layout.size * (not realisation.tapped)] = 0.0 if a0 is None else a0
-    record = loop.run(loop.data(x, a), schedule, progress)
-    precision = facts(loop, steps, schedule, record, time.perf_counter() - begin)
-    if error_estimate:
-        precision |= estimate_tapped(loop, schedule, record).facts(schedule, linear.outputs)
-
-    rows, events = loop.departures(record.rows), loop.departures(record.events)
-    acting, reached = _limits(plant, loop, record.rows, record.u)
-    return Simulation(
-        plant="mujoco",
-        control=law.kind,
-        t=record.rows[:, 0],
-        x=rows.x,
-        y=rows.y,
-        u=record.u,
-        x_o=rows.x_o,
-        x_h=rows.x_h,
-        E=np.full(len(record.rows), np.nan),
-        events=Events(record.events[:, 0], events.x, events.x_o, events.x_h, record.y_max, record.y_min),
-        outcome=record.outcome,
-        precision=precision | reached,
-        qpos=record.rows[:, 1 : 1 + loop.model.nq],
-        applied=acting,
-        noisy=settings.noisy,
-        labels=labels_of(linear),
-        delay=realisation.delay if realisation.eventful else 0.0,
-        least=least_of(realisation),
-        **modes_of(realisation, record.mode),
-        **collect_drives(law, loop.acting, record.rows[:, 0]),
-    )
+def _start(
+    plant: LinearPlant, law: Law, settings: Settings, given: tuple[ArrayLike | None, ...]
+) -> tuple[Array, Array]:
+    """Where plant and controller start, where ``given`` are x0, x_o0, x_h0 and a0."""
+    x0, x_o0, x_h0, a0 = given
+    if has_trigger(law):
+        return start_states(plant, law, settings, x0, x_o0, x_h0)
+    expect_no_observer(law, settings, x_o0, x_h0)
+    size = expect_readings(law, plant).layout.size
+    a = np.zeros(size) if a0 is None else np.asarray(a0, dtype=float)
+    return plant_start(plant, settings, x0), a
 
 
-def estimate_tapped(loop: TappedLoop, schedule: Schedule, record: TappedRecord) -> Accuracy:
-    """The error of the run's last seconds: of the outputs at their end, and of their last switch.
-
-    What is read at their begin is that of the run; they are some delays long, so that what is read later is not.
-    """
-    end, runs = float(record.rows[-1, 0]), []
-    for plan in (schedule, finer(schedule)):
-        stand = record.stand
-        history, now = copy_of(stand.history, stand.now)
-        data = mujoco.MjData(loop.model)
-        data.time = stand.t
-        data.qpos[:], data.qvel[:], data.act[:] = stand.state
-        runs.append(loop.run(data, replace(plan, t_end=end), stand=replace(stand, history=history, now=now)))
-    coarse, fine = runs
-    both_switched = 0 < len(coarse.events) == len(fine.events)
-    interval = abs(float(coarse.events[-1, 0] - fine.events[-1, 0])) if both_switched else float("nan")
-    found = apart(loop, coarse.rows, fine.rows, (coarse.rows[-1:], fine.rows[-1:]))
-    return scale_error(loop, interval, found, end - record.stand.t)
+def _held(law: Law, states: States, u: Array) -> ControllerRows:
+    """The controller at rows where its states are these, and its commands ``u``."""
+    if has_trigger(law):
+        return keep_rows(law, states.x_o, states.x_h)
+    return ControllerRows(states.x_o, states.x_h, u, np.full(len(states.x), np.nan))
 
 
-def _limits(
-    plant: MujocoPlant, loop: ComposedLoop | TappedLoop, rows: Array, u: Array
-) -> tuple[Array, dict[str, float | str]]:
+def _limits(plant: MujocoPlant, loop: ComposedLoop, rows: Array, u: Array) -> tuple[Array, dict[str, float | str]]:
     """What acts at recorded rows of the commands ``u``, and the limits of actuators and sensors that were reached."""
     acting, cut = apply_limits(plant, loop.disturbance, rows, u)
     linear = plant.linearisation.plant

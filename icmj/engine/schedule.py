@@ -1,6 +1,6 @@
-"""When the closed loop steps, acts, records and stops: everything a loop needs besides the model; and its record.
+"""When the closed loop steps, records and stops; and the buffers of its record.
 
-The record is preallocated buffers, filled from the beginning in every chunk of steps.
+Buffers are preallocated, and filled from the beginning in every chunk of steps.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from icmj.base.array import RELATIVE_ROUNDING, Array
+from icmj.base.array import Array
 from icmj.base.roots import ONE_INSTANT
 from icmj.controller.controller import Law
 from icmj.plant.linear_plant import LinearPlant
@@ -45,9 +45,6 @@ class Schedule:
     Attributes:
         timestep: h [s].
         t_end: where the run ends [s].
-        delta_min: Δ_min of the event trigger, counted from the event [s].
-        clock: interval of the clock trigger [s]; infinite for others.
-        delay: t_d from an event to its action [s].
         edges: times at which the disturbance may jump [s], rising; steps end on them.
         phases: a time within each stretch between edges, shape (len(edges) + 1,).
         record_interval: rows are at its multiples, of a timestep that is given at the first that ends there or later,
@@ -57,15 +54,11 @@ class Schedule:
         events: number of events after which to stop.
         tolerance: relative error of an open-loop interval that the timestep is chosen for; 0 where it is given. Rows
             are then by steps of their own where they are due.
-        sampling: d_s from when the event rule reaches its threshold to the event [s].
         breaks: edges at which the motion jumps or bends, and instants at which the controller reads that [s], rising.
     """
 
     timestep: float
     t_end: float
-    delta_min: float
-    clock: float
-    delay: float
     edges: Array
     phases: Array
     record_interval: float
@@ -73,36 +66,11 @@ class Schedule:
     rate: float
     events: int = NO_END
     tolerance: float = 0.0
-    sampling: float = 0.0
     breaks: Array = field(default_factory=lambda: np.zeros(0))
-
-    def clock_action(self, number: int) -> float:
-        """Time of the action of this event of the clock [s]; a tick if the delay is a multiple of its interval."""
-        ticks = self.delay / self.clock
-        if abs(ticks - round(ticks)) < RELATIVE_ROUNDING * ticks:
-            return (number + round(ticks)) * self.clock
-        return number * self.clock + self.delay
-
-    def jumps(self, start: float, end: float) -> Array:
-        """Times strictly between two successive events at which inputs jump: edges and actions, rising."""
-        first = int(np.searchsorted(self.edges, start, side="right"))
-        inside = self.edges[first : max(first, int(np.searchsorted(self.edges, end)))]
-        if self.delay == 0:
-            return inside
-        if np.isfinite(self.clock):
-            first, last = int((start - self.delay) / self.clock) - 1, int(end / self.clock) + 1
-            acts = np.array([self.clock_action(number) for number in range(max(first, 0), last)])
-        else:
-            acts = np.array([start + self.delay])
-        return np.union1d(inside, acts[(acts > start) & (acts < end)])
 
     def first_edge(self, t: float) -> int:
         """Index of the first edge after ``t``, which is also that of the stretch around ``t``."""
         return int(np.searchsorted(self.edges, t, side="right"))
-
-    def first_clock(self, t: float) -> int:
-        """Number of the first event of the clock after ``t``."""
-        return int(np.floor(t / self.clock * (1 + 1e-12))) + 1
 
 
 def row_after(t: float, interval: float, breaks: Array) -> float:
@@ -125,7 +93,7 @@ def phases_of(edges: Array) -> Array:
     return np.concatenate([[edges[0] / 2], (edges[1:] + edges[:-1]) / 2, [edges[-1] + 1]])
 
 
-class Recording(NamedTuple):
+class Buffers(NamedTuple):
     """Buffers for one chunk of at most N steps; a named tuple, which compiled code takes.
 
     Attributes:
@@ -133,13 +101,18 @@ class Recording(NamedTuple):
         rows: decimated rows (t, qpos, qvel, act, sensordata), shape (N, width).
         events: the same rows at the events, before the reset, shape (N, width).
         event_at: index of each event's row in ``dense``, shape (N,).
-        count: rows filled in dense, rows, events; and steps taken; shape (4,).
+        u, mode: command and mode at the rows, shapes (N, n_u), (N,); not of a run by steps.
+        rough: instants at which something is not smooth, shape (2 N,).
+        count: filled in dense, rows, events; steps taken; instants in rough, and rows with a command; shape (6,).
     """
 
     dense: Array
     rows: Array
     events: Array
     event_at: np.ndarray
+    u: Array
+    mode: np.ndarray
+    rough: Array
     count: np.ndarray  # type: ignore[assignment]
 
     def clear(self) -> None:
@@ -147,14 +120,17 @@ class Recording(NamedTuple):
         self.count[:] = 0
 
 
-def recording(steps: int, n_y: int, width: int) -> Recording:
+def buffers(steps: int, n_y: int, width: int, n_u: int) -> Buffers:
     """Buffers for ``steps`` steps or samples."""
-    return Recording(
+    return Buffers(
         np.empty((steps, 1 + n_y)),
         np.empty((steps, width)),
         np.empty((steps, width)),
         np.zeros(steps, dtype=np.int64),
-        np.zeros(4, dtype=np.int64),
+        np.zeros((steps, n_u)),
+        np.zeros(steps, dtype=np.int64),
+        np.zeros(2 * steps),
+        np.zeros(6, dtype=np.int64),
     )
 
 

@@ -14,10 +14,9 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.controller import Law
-from icmj.engine.closed_loop import ComposedLoop, refuse_choice
+from icmj.engine.closed_loop import ComposedLoop, close_loop, refuse_choice
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.schedule import Schedule, rates_of
-from icmj.engine.tapped import TappedLoop, close
 from icmj.errors import SimulationError
 from icmj.simulation.settings import LEAST_TOLERANCE, Settings
 
@@ -80,9 +79,9 @@ def timestep_of(loop: ComposedLoop, settings: Settings) -> float:
 
 def choose_step(loop: ComposedLoop, settings: Settings, tolerance: float) -> float:
     """The timestep for a tolerance [s]: of all modes of the controller, and of all that drives the loop."""
-    law, stretches = loop.controller, isinstance(loop, TappedLoop)
-    omega = np.append(loop.acting.omega, law.realisation.signals[:, 2] if stretches else ())
-    returning = stretches or bool(law.delay) or len(omega) > 0
+    law, real = loop.controller, loop.controller.realisation
+    omega = np.append(loop.acting.omega, real.signals[:, 2])
+    returning = not loop.by_steps or real.delay > 0 or len(omega) > 0
     step = step_for(rates_of(loop.plant.linearisation.plant, law), omega, tolerance, returning=returning)
     most = ROWS * settings.record_interval  # rows of a step
     return max(min(round_step(step), settings.duration, most), SHORTEST)
@@ -137,7 +136,7 @@ def refine(plant: MujocoPlant, controller: Law, settings: Settings, factor: floa
     Raises:
         ModelError, SimulationError: as for :func:`icmj.engine.closed_loop.close_loop` and :func:`stepping_of`.
     """
-    steps = stepping_of(close(plant, controller, settings), settings)
+    steps = stepping_of(close_loop(plant, controller, settings), settings)
     if steps.tolerance:
         return replace(settings, tolerance=max(factor**4 * steps.tolerance, LEAST_TOLERANCE))
     return replace(settings, timestep=factor * steps.timestep, tolerance=None)

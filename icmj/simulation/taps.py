@@ -6,6 +6,7 @@ Before t = 0 it has read what there is at the start, held. Time within a stretch
 
 from __future__ import annotations
 
+from math import floor
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from icmj.controller.realisation import Realisation
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.disturbance import Acting, Disturbance, expect_held
-from icmj.simulation.native.loop import ACTED, PLANNED
+from icmj.simulation.native.loop import ACTED, EDGE, PLANNED, SIGNAL, TICK
 from icmj.simulation.native.taps import SMOOTH
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.settings import Settings, at_points, points_of
@@ -107,7 +108,7 @@ class History(NamedTuple):
     ahead: np.ndarray
 
 
-class Now(NamedTuple):
+class ControllerState(NamedTuple):
     """The present state of the controller, and work arrays.
 
     Attributes:
@@ -199,7 +200,7 @@ def taps_of(realisation: Realisation, n_y: int, rate: float, *, exact: bool) -> 
 
 def begin(
     taps: Taps, realisation: Realisation, r: Array, a: Array | None = None, capacity: int = 256
-) -> tuple[History, Now]:
+) -> tuple[History, ControllerState]:
     """The beginning of a run at t = 0, where the outputs are read as ``r``, shape (n_y,).
 
     ``a`` is the controller's state, shape (N_a,); zero if ``None``. The start counts as an event: the rule is watched
@@ -223,7 +224,7 @@ def begin(
     acts = realisation.eventful and taps.delay > 0
     if acts:
         queue[0] = taps.delay
-    return history, Now(
+    return history, ControllerState(
         mode=np.repeat(realisation.following(0, w), 2), sign=sign, roots=np.zeros(len(sign)), a=a,
         met=np.array([-1, -1, 0, 0, 0, 0]),
         level=np.array([-1 if realisation.commands else 0]),  # commands may jump there
@@ -233,6 +234,16 @@ def begin(
         values=np.zeros((len(taps.nodes), len(r) + taps.direct + size)), reach=np.zeros(n_v + size),
         g=np.zeros(2 * POWERS - 1), stack=np.zeros((DEEPEST, 2 * POWERS)), spans=np.zeros((DEEPEST, 3)),
     )  # fmt: skip
+
+
+def begin_at(taps: Taps, now: ControllerState, edges: Array, t: float) -> None:
+    """Plan what follows an event at ``t`` [s], where what is due of ``edges``, signals and the clock has been done."""
+    now.met[:] = -1, -1, 0, 0, 0, 0
+    now.when[:] = t + taps.wait, np.inf, t
+    now.due[EDGE], now.due[SIGNAL] = edges.searchsorted(t, side="right"), taps.edges.searchsorted(t, side="right")
+    now.due[TICK] = floor(t / taps.clock * (1 + 1e-12)) + 1
+    now.due[ACTED], now.due[PLANNED] = 0, taps.delay > 0
+    now.queue[0] = t + taps.delay  # the event at the start makes a prediction like any other
 
 
 def edges_of(realisation: Realisation) -> Array:
@@ -251,7 +262,7 @@ def levels_of(edges: Array, acting: Acting) -> np.ndarray:
     return levels
 
 
-def first_command(taps: Taps, history: History, now: Now) -> Array:
+def first_command(taps: Taps, history: History, now: ControllerState) -> Array:
     """u at the begin of a run, shape (n_u,)."""
     v = np.concatenate([history.r[0, : taps.direct, 0], *(history.r[k, :, 0] for k in history.at)])
     mode = now.mode[0]
@@ -275,12 +286,12 @@ def widen(history: History) -> History:
     return history._replace(start=start, level=level, r=r)
 
 
-def copy_of(history: History, now: Now) -> tuple[History, Now]:
+def copy_of(history: History, now: ControllerState) -> tuple[History, ControllerState]:
     """Both with arrays of their own."""
-    return History(*(part.copy() for part in history)), Now(*(part.copy() for part in now))
+    return History(*(part.copy() for part in history)), ControllerState(*(part.copy() for part in now))
 
 
-def lengthen(now: Now) -> Now:
+def lengthen(now: ControllerState) -> ControllerState:
     """The same with a queue of actions that is twice as long if it is full.
 
     Raises:

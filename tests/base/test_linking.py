@@ -116,3 +116,36 @@ def test_from_disk_it_is_the_same(tmp_path: Path) -> None:
         value, words = done.stdout.splitlines()
         assert float(value) == pytest.approx(expected, rel=1e-15)
         assert words == f"negative {hits}"
+
+
+RENAMED = """
+from typing import NamedTuple
+
+from icmj.base.compilation import entry
+
+
+class {name}(NamedTuple):
+    x: float
+
+
+@entry
+def double(of):
+    return 2.0 * of.x
+
+
+print(double({name}(1.5)), sum(double.stats.cache_hits.values()))
+"""
+
+
+@pytest.mark.slow
+def test_code_on_disk_that_names_a_class_that_is_gone_is_compiled_anew(tmp_path: Path) -> None:
+    """As after an upgrade in which a class has another name."""
+    told = []
+    for name in ("Before", "After", None):
+        if name:
+            (tmp_path / "kept.py").write_text(RENAMED.format(name=name), encoding="utf-8")
+        command = [sys.executable, "-c", "import kept"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        told.append(done.stdout.strip())
+    assert told == ["3.0 0", "3.0 0", "3.0 1"]

@@ -7,7 +7,8 @@ import pytest
 from engine_cases import controller, plant
 
 from icmj import ClockTrigger, Continuous, Settings
-from icmj.engine.closed_loop import ComposedLoop, Record, close_loop
+from icmj.engine.closed_loop import ComposedLoop, close_loop
+from icmj.engine.flow import Record, follow
 from icmj.engine.run import Accuracy, choose_timestep, estimate, order_of, simulate
 from icmj.errors import SimulationError
 
@@ -16,7 +17,7 @@ X = 0.01 * np.ones(6)
 
 def run(loop: ComposedLoop, timestep: float, duration: float = 4.0) -> tuple[Record, Accuracy]:
     schedule = loop.schedule(Settings(duration=duration), timestep)
-    record = loop.run(loop.data(X, np.zeros(12)), schedule)
+    record = follow(loop, loop.data(X, np.zeros(12)), schedule)
     return record, estimate(loop, schedule, record)
 
 
@@ -31,7 +32,7 @@ def test_estimate_is_the_error_of_an_interval(integrator: str) -> None:
     first, last = rows.events[-2], rows.events[-1]
     start = loop.departures(first[None, :])
     schedule = loop.schedule(Settings(duration=2.0), 2.5e-4 if order == 4 else 2e-5)
-    fine = loop.run(loop.data(start.x[0], np.tile(start.x_o[0], 2)), schedule)
+    fine = follow(loop, loop.data(start.x[0], np.tile(start.x_o[0], 2)), schedule)
     true = abs((last[0] - first[0]) - fine.events[0, 0])
     assert found.interval == pytest.approx(true, rel=0.25)
     assert found.stretch == pytest.approx(last[0] - first[0])

@@ -15,8 +15,10 @@ from icmj.controller.design import Design, design_lq, output_weight, system_matc
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.engine.block import Slot, block_of
-from icmj.engine.closed_loop import NAME, close_loop, compose
+from icmj.engine.closed_loop import close_loop
+from icmj.engine.composition import NAME, compose
 from icmj.engine.deviation import Deviation
+from icmj.engine.flow import follow
 from icmj.engine.model import LEAST_ROOM
 from icmj.engine.native.field import callbacks
 from icmj.engine.plant import load_plant
@@ -123,7 +125,7 @@ def test_several_inputs_outputs_velocities_and_ball_joints(rich: Path, trigger: 
     rng = np.random.default_rng(1)
     x, x_o = 0.1 * rng.normal(size=10), 0.1 * rng.normal(size=3)
     loop = close_loop(body, control, Settings())
-    record = loop.run(loop.data(x, np.tile(x_o, 2)), loop.schedule(Settings(duration=0.3, limit=100.0), 2e-3))
+    record = follow(loop, loop.data(x, np.tile(x_o, 2)), loop.schedule(Settings(duration=0.3, limit=100.0), 2e-3))
     assert len(record.events) > 1 or not trigger
     # what the callbacks compute, from the equations of the paper
     model = compose(body, control, no_disturbance(2))
@@ -156,7 +158,7 @@ def test_loop_steps_are_the_engine_s_own_steps_but_for_rounding() -> None:
     body, control = plant("three_link", 0.9), controller("three_link", 1e3)
     loop = close_loop(body, control, Settings())
     x = 0.01 * np.ones(6)
-    record = loop.run(loop.data(x, np.zeros(12)), loop.schedule(Settings(duration=0.5), 2e-3))
+    record = follow(loop, loop.data(x, np.zeros(12)), loop.schedule(Settings(duration=0.5), 2e-3))
     data = loop.data(x, np.zeros(12))
     with isolate_engine(*callbacks()):
         mujoco.mj_step(loop.model, data)  # to Δ_min

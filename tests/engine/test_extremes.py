@@ -6,7 +6,7 @@ from numpy.polynomial import Polynomial
 
 from icmj import load_run, prepare
 from icmj.case.case import simulate as run_case
-from icmj.engine.closed_loop import POINTS, ExtremesTracker
+from icmj.engine.extremes import POINTS, ExtremesTracker
 from icmj.engine.native.extremes import extremes
 
 

@@ -4,13 +4,71 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hybrid_cases import NAMES, START, Bare, body, law, laws, plant
+from hybrid_cases import NAMES, START, Bare, Given, body, law, laws, plant
 
 import icmj
-from icmj.engine.run import simulate_tapped
+from icmj.controller.realisation import Layout, Mode, Realisation
+from icmj.engine.composition import goes_by_steps
+from icmj.engine.run import simulate
+from icmj.linear.run import simulate_tapped as linear_simulate
 from icmj.simulation.settings import Settings, start_states
 
 SMALL = 1e-4
+
+
+class Later(Bare):
+    """A controller that reads what was 0.3 s ago, too, and makes nothing of it: so it is followed by stretches."""
+
+    @property
+    def realisation(self) -> Realisation:
+        real, behind = self.of.realisation, [self.plant.n_y] * self.plant.n_y
+        N, S = (np.insert(getattr(real.modes[0], letter), behind, 0.0, axis=1) for letter in "NS")
+        return replace(real, modes=(replace(real.modes[0], N=N, S=S, rates=None),), taps=(0.0, 0.3))
+
+
+def lagging(**changes: object) -> icmj.Law:
+    """A PD whose command lags, on the small sway, with a rule, a clock, a period or signals."""
+    columns = 2 + ("signals" in changes)
+    N, one = np.array([[900.0, 300.0, 1.0]])[:, :columns] * [20.0, 20.0, 1.0][:columns], np.eye(1)
+    mode = Mode("on", -20 * one, N, one, np.zeros((1, columns)))
+    rule = {"R": np.zeros((0, 1)), "cuts": np.zeros(1, dtype=int), "J": 0.5 * one, "G": 0.7 * one}
+    return Given(plant(), Realisation(Layout.of(a=1), (mode,), **rule | changes))  # type: ignore[arg-type]
+
+
+def stateless() -> icmj.Law:
+    """The same without a state."""
+    none = np.zeros((0, 0))
+    mode = Mode("on", none, np.zeros((0, 2)), np.zeros((1, 0)), np.array([[900.0, 300.0]]))
+    return Given(plant(), Realisation(Layout.of(), (mode,), none, none, none, np.zeros(1, dtype=int)))
+
+
+JUMPS = {"signals": np.array([[0, 1e-3, 0, 0, 0, 0], [0, 2e-3, 0, 0, 0.8, 0.8], [0, 1e-3, 0, 0, 1.5, 1.5]])}
+RULE = {"R": np.array([[2e3]]), "cuts": np.array([0, 1])}
+ENDS = {
+    "a jump of the state at the begin, and one at the end": lambda: lagging(**JUMPS),
+    "an action at the end": lambda: lagging(clock=0.5, delay=0.25),
+    "a tick at the end": lambda: lagging(clock=0.5),
+    "a reset at the end": lambda: lagging(period=0.5),
+    "a rule that is beyond at the begin": lambda: lagging(wait=0.2, **RULE),
+    "a rule and its action": lambda: lagging(wait=0.2, delay=0.1, **RULE),
+    "no state": stateless,
+}
+
+
+@pytest.mark.parametrize("name", ENDS)
+@pytest.mark.parametrize("timestep", [None, 0.002])
+def test_what_falls_on_begin_and_end_is_as_on_the_linear_plant(name, timestep) -> None:
+    """Every row and every command; those that need it know a command's two sides, and go by stretches."""
+    own, settings = ENDS[name](), Settings(duration=1.5, record_interval=0.05, timestep=timestep)
+    assert goes_by_steps(own) == (name in ("a tick at the end", "a rule that is beyond at the begin"))
+    a0 = np.array([1e-3]) if "rule" in name else None
+    one = linear_simulate(plant(), own, settings, x0=SMALL * START, a0=a0)
+    other = simulate(body(), own, settings, x0=SMALL * START, a0=a0)
+    assert len(one.events) == len(other.events)
+    np.testing.assert_allclose(other.events.t, one.events.t, atol=1e-7)
+    np.testing.assert_allclose(other.t, one.t, atol=1e-7)
+    for there, here in ((one.x, other.x), (one.u, other.u), (one.events.x, other.events.x)):
+        assert np.abs(here - there).max(initial=0.0) <= 1e-5 * np.abs(there).max(initial=0.0)
 
 
 def small(name: str) -> icmj.Law:
@@ -51,7 +109,10 @@ def test_the_intermittent_controller_is_what_the_event_loops_give(file, timestep
     case = icmj.prepare(icmj.load_run(file).with_(**{"simulation.duration": 6.0, "simulation.timestep": timestep}))
     x, a = start_states(case.actual.linearisation.plant, case.controller, case.settings, None, None, None)
     one = icmj.simulate(case, "mujoco")
-    other = simulate_tapped(case.actual, Bare(case.controller), case.settings, x0=x, a0=a)
+    later = Later(case.controller)
+    assert goes_by_steps(case.controller)
+    assert not goes_by_steps(later)
+    other = simulate(case.actual, later, case.settings, x0=x, a0=a)
     assert len(one.events) == len(other.events) > 2
     assert other.events.t == pytest.approx(one.events.t, abs=bound)
     assert np.abs(other.events.y_max - one.events.y_max).max() <= 10 * bound

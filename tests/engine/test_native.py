@@ -144,13 +144,13 @@ from engine_cases import controller, plant
 from linear_cases import settings_from
 from icmj.cli.terminal import Terminal
 from icmj.cli.terminal import Working
-from icmj.engine.native import fixed_steps as native_loop
+from icmj.engine.native import steps as native_loop
 from icmj.engine.run import simulate
 from icmj.simulation.settings import Settings
 settings = Settings(duration=2.0, timestep=0.002)
 with Working("pendulum", Terminal(file=sys.stderr)):
     run = simulate(plant("pendulum", 0.8), controller("pendulum"), settings, x0=[0.1, 0.0])
-stats = native_loop.compile_fixed_steps().stats
+stats = native_loop.compile_steps().stats
 print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), repr(float(run.events.t[-1])))
 """
 

@@ -16,8 +16,8 @@ from icmj import Controller, EventTrigger, LinearPlant, MujocoPlant, Settings, d
 from icmj.engine.block import Slot, Stages, block_of, may_constrain, stages_of
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.native.field import callbacks, flow
-from icmj.engine.native.fixed_steps import save, step, undo
 from icmj.engine.native.state import PROGRESS, engine_of
+from icmj.engine.native.steps import save, step, undo
 from icmj.engine.safety import isolate_engine
 
 

@@ -15,6 +15,7 @@ from icmj.controller.design import Delay, design_lq, output_weight, system_match
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.trigger import ClockTrigger, Continuous, Trigger
 from icmj.engine.closed_loop import close_loop
+from icmj.engine.flow import follow
 from icmj.engine.open_loop import open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.run import choose_timestep, estimate, simulate
@@ -65,7 +66,7 @@ def test_the_error_stated_of_each_output_and_of_the_interval_is_true(name: str) 
         settings = Settings(duration=8.0, tolerance=tolerance)
         loop = close_loop(body, control, settings)
         schedule = schedule_of(loop, settings)
-        record = loop.run(loop.data(x, a), schedule)
+        record = follow(loop, loop.data(x, a), schedule)
         stated, first = estimate(loop, schedule, record), loop.departures(record.events[-2:-1])
         begin, end = record.events[-2:, 0]
         true = flight(body, control, first.x[0], first.x_o[0])

@@ -203,7 +203,7 @@ def push(b, m, d, moments, applied, waves):  # type: ignore[no-untyped-def]
 _sensor_pos, _sensor_vel = engine_function("mj_sensorPos"), engine_function("mj_sensorVel")
 
 # Constants that compiled code freezes; MuJoCo's layout enters by closure variables instead (see callbacks). Code gone
-# stale is caught at start-up by icmj.engine.native.fixed_steps.
+# stale is caught at start-up by icmj.engine.flow.
 _MAGIC, _VERSION, _HEADER, _INPUT = block.MAGIC, block.VERSION, block.HEADER, block.SIGNAL
 _N_DYN, _USER = int(mujoco.mjNDYN), int(mujoco.mjtDyn.mjDYN_USER)
 _VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
@@ -389,7 +389,7 @@ def callbacks() -> tuple[Any, Any]:
         if actuator == size(m, of_model.nu) - 1:
             y, first = doubles(d, of_data.sensordata), int(b[Slot.ACT])
             rates(b, act[first:], y, rate[first:], _waves(b, number(d, of_data.time)))
-            return 0.0
+            return rate[first]  # which the engine takes for the rate of one state alone
         # one of the plant's own actuators: a second-order lag, or one that moves as the engine has it
         lags = integers(m, of_model.actuator_dyntype)[actuator] == _USER
         parameters = doubles(m, of_model.actuator_dynprm)[_N_DYN * actuator :]

@@ -1,8 +1,9 @@
-"""Data of the flows of the engine: its memory, the plan of a run, the event rule, and the run's progress.
+"""Data of the flow of the engine: its memory, the plan of a run, the controller, and the run's progress.
 
-With it, what all flows do alike: check the plant, record rows, apply maps, and the verbs of
-:mod:`icmj.simulation.native.loop` that do not step; and the rates of the closed loop at many states and at neighbours
-of each, as one compiled function.
+Every run is followed with the same data, step by step (:mod:`icmj.engine.native.steps`) or stretch by stretch
+(:mod:`icmj.engine.native.stretches`). With them, what both do alike: check the plant, record rows, and the verbs of
+:mod:`icmj.simulation.native.loop` that end a run or an interval; and the rates of the closed loop at many states and at
+neighbours of each, as one compiled function.
 """
 
 from __future__ import annotations
@@ -29,8 +30,14 @@ from icmj.engine.native.memory import (
     run_guarded,
     sources,
 )
-from icmj.engine.schedule import Schedule, row_after
-from icmj.simulation.native.loop import EDGE, PLANNED, TICK, Status, is_due, next_event, plan_after, take_action
+from icmj.engine.schedule import Buffers, Schedule, row_after
+from icmj.simulation.native.loop import EDGE, Status
+from icmj.simulation.native.taps import FALLS
+from icmj.simulation.native.taps import change as change_controller
+from icmj.simulation.native.taps import end as end_at_instant
+from icmj.simulation.native.taps import fire as fire_controller
+from icmj.simulation.native.waves import Waves
+from icmj.simulation.taps import ControllerState, History, Taps
 
 RK4, EULER, IMPLICIT, WHOLE_STEP = 0, 1, 2, 3
 INTEGRATORS = {
@@ -121,20 +128,14 @@ class Engine(NamedTuple):
     first: int
 
 
-class Plan(NamedTuple):
+class RunPlan(NamedTuple):
     """A :class:`icmj.engine.schedule.Schedule`, with the limits at which the plant has fallen.
 
-    ``wait`` is the least time from one event until the rule is watched again; the last of ``edges`` and ``breaks`` is
-    infinite; ``delay`` is, under a clock, exactly a multiple of its interval where it is nearly one; ``most`` is the
-    room that rows of one step may take.
+    The last of ``edges`` and ``breaks`` is infinite; ``most`` is the room that rows of one step may take.
     """
 
     timestep: float
     t_end: float
-    wait: float
-    clock: float
-    delay: float
-    sampling: float
     edges: Array
     phases: Array
     record_interval: float
@@ -149,30 +150,99 @@ class Plan(NamedTuple):
     most: int
 
 
-class Rule(NamedTuple):
-    """The controller's states, their reset, the faces of its event rule, and room for their values.
+class FaceLevels(NamedTuple):
+    """The faces of the event rule of a controller that is followed step by step, and room for their values.
 
-    ``when``, ``due`` and ``queue`` are what it has planned (:mod:`icmj.simulation.native.loop`).
-
-    ``before``, ``left`` and ``now`` hold (E_j, dE_j/dt) of every face: at the step's begin, at the left end of the
-    piece that is looked at, and where the engine is; ``top`` the larger |E_j + 1| of the step's ends.
+    ``a`` and ``a_rate`` are the controller's state and its rate, in the engine's memory; ``spans`` the columns of each
+    row of ``R`` that are not zero. ``before``, ``left`` and ``now`` hold (E_j, dE_j/dt) of every face: at the step's
+    begin, at the left end of the piece that is looked at, and where the engine is; ``top`` the larger |E_j + 1| of the
+    step's ends.
     """
 
     a: Array
     a_rate: Array
-    J: Array
-    G: Array
     R: Array
     cuts: np.ndarray
     spans: np.ndarray
-    scratch: Array
     before: Array
     left: Array
     now: Array
     top: Array
-    when: Array
-    due: np.ndarray
-    queue: Array
+
+
+class Reader(NamedTuple):
+    """What a controller that is followed by stretches reads of the engine, and where its commands go.
+
+    Attributes:
+        entries, gain, offset: y = gain · sensordata[entries] + offset, shape (n_y,).
+        actuators, b: of each command, shape (n_u,).
+        errors: of the outputs as they are read, n_y rows.
+        joint: whether the controller's state is integrated with the plant.
+        M, N, K, S: if joint, of each mode as the model holds them (:func:`icmj.engine.composition.at_ports`).
+    """
+
+    entries: np.ndarray
+    gain: Array
+    offset: Array
+    actuators: np.ndarray
+    b: Array
+    errors: Waves
+    joint: bool
+    M: Array
+    N: Array
+    K: Array
+    S: Array
+
+
+class EngineTrack(NamedTuple):
+    """Where a run by stretches is.
+
+    Attributes:
+        t: begin and end of the stretch under way, the last row, and when the next row was due as the stretch began
+            [s], shape (4,).
+        marks: guard that ends the stretch, how far it has come, samples of it, why it ends, and samples and rows that
+            were recorded at its begin, shape (6,).
+        at, y: samples of the stretch under way, their outputs and, if joint, the controller's states, shapes (S,),
+            (S, n_y + N_a).
+        begin: the engine's state at its begin.
+        curves: polynomials of outputs and the controller's states, shape (n_y + N_a, p + 1).
+        states: the engine's rows there, shape (S, width).
+        near: numbers of the samples that are read, shape (S,).
+    """
+
+    t: Array
+    marks: np.ndarray
+    at: Array
+    y: Array
+    states: Array
+    near: np.ndarray
+    begin: Array
+    curves: Array
+
+
+class FlowData(NamedTuple):
+    """All that a run is followed with, and what the verbs of :mod:`icmj.simulation.native.taps` take.
+
+    ``levels`` are those of the edges of what acts (:mod:`icmj.simulation.native.taps`); ``end`` is that of the run [s].
+    A run comes back to its caller at ``until`` or later [s]. The way by steps has no history, reader and track, and the
+    way by stretches no faces: 0 stands for them, which takes less time to compile.
+    """
+
+    engine: Engine
+    plan: RunPlan
+    faces: FaceLevels | int
+    progress: Any
+    record: Buffers
+    taps: Taps
+    history: History | int
+    now: ControllerState
+    reader: Reader | int
+    track: EngineTrack | int
+    levels: np.ndarray
+    until: float
+    time: Array
+    edges: Array
+    end: float
 
 
 def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, smooth: bool = False) -> Engine:
@@ -253,15 +323,11 @@ def _find_turns(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
     return single, quadruple
 
 
-def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> Plan:
+def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> RunPlan:
     """The schedule in the form for compiled code."""
-    return Plan(
+    return RunPlan(
         timestep=float(schedule.timestep),
         t_end=float(schedule.t_end),
-        wait=float(max(schedule.delta_min, schedule.delay)),
-        clock=float(schedule.clock),
-        delay=float(schedule.clock_action(0) if np.isfinite(schedule.clock) else schedule.delay),
-        sampling=float(schedule.sampling),
         edges=np.append(schedule.edges, np.inf),
         phases=np.array(schedule.phases, dtype=float),
         record_interval=float(schedule.record_interval),
@@ -277,25 +343,19 @@ def plan_of(schedule: Schedule, qpos_0: Array, model: mujoco.MjModel) -> Plan:
     )
 
 
-def rule_of(block: Block, data: mujoco.MjData, schedule: Schedule) -> Rule:
-    """The controller's part of the state and its event rule."""
+def faces_of(block: Block, data: mujoco.MjData) -> FaceLevels:
+    """The event rule of the controller in a model."""
     faces = len(block.cuts)
-    return Rule(
+    return FaceLevels(
         a=data.act[block.act],
         a_rate=data.act_dot[block.act],
-        J=np.ascontiguousarray(block.J),
-        G=np.ascontiguousarray(block.G),
         R=np.ascontiguousarray(block.R),
         cuts=block.edges,
         spans=np.array([span(row[None, :]) for row in block.R], dtype=np.int64).reshape(-1, 2),
-        scratch=np.empty(len(block.J)),
         before=np.zeros((faces, 2)),
         left=np.zeros((faces, 2)),
         now=np.zeros((faces, 2)),
         top=np.zeros(faces),
-        when=np.zeros(3),
-        due=np.zeros(6, dtype=np.int64),
-        queue=np.zeros(int(schedule.delay / schedule.clock) + 4),
     )
 
 
@@ -304,8 +364,8 @@ def new_progress() -> Any:
     return [SimpleNamespace()] if INTERPRETED else np.zeros(1, PROGRESS)
 
 
-def progress_at(t: float, schedule: Schedule, plan: Plan, rule: Rule, progress: Any) -> None:
-    """Set record and agenda to the beginning of a run, or a flight, right after an event at ``t``."""
+def progress_at(t: float, plan: RunPlan, progress: Any) -> None:
+    """Set the record to the beginning of a run, or a flight, right after an event at ``t``."""
     values = dict.fromkeys(PROGRESS.names or (), 0) | {
         **dict.fromkeys(("grid", "begin", "end"), t),
         "stale": RESTARTED,
@@ -315,11 +375,6 @@ def progress_at(t: float, schedule: Schedule, plan: Plan, rule: Rule, progress: 
         revise(progress, **values)
     else:
         progress[0] = tuple(values.values())
-    rule.when[:] = t + plan.wait, np.inf, t
-    rule.due[:] = 0
-    rule.due[EDGE], rule.due[TICK] = schedule.first_edge(t), schedule.first_clock(t)
-    if plan.delay > 0:  # the event at the start makes a prediction like any other
-        rule.queue[0], rule.due[PLANNED] = t + plan.delay, 1
 
 
 def revise(progress: Any, **values: Any) -> None:
@@ -401,12 +456,12 @@ _row_after = inlined(row_after)
 _differentiate_pos = engine_function("mj_differentiatePos", "void(intp, intp, float64, intp, intp)")
 
 # constants that compiled code freezes
-_RUNNING, _FELL, _COMPLETED = int(Status.RUNNING), int(Status.FELL), int(Status.COMPLETED)
-_DIVERGED, _WARNED, _REACHED = int(Status.DIVERGED), int(Status.WARNED), int(Status.REACHED)
+_RUNNING, _FELL, _REACHED = int(Status.RUNNING), int(Status.FELL), int(Status.REACHED)
+_DIVERGED, _WARNED = int(Status.DIVERGED), int(Status.WARNED)
 
 
 @inlined
-def standing(engine, plan):  # type: ignore[no-untyped-def]
+def check_state(engine, plan):  # type: ignore[no-untyped-def]
     """The status that the state gives: running, fallen, diverged (too large, or not finite), or warned."""
     size = 0.0
     for part in (engine.qpos, engine.qvel, engine.act):
@@ -488,78 +543,21 @@ def note_event(engine, record):  # type: ignore[no-untyped-def]
     record.count[2] += 1
 
 
-@inlined
-def apply(map, rule):  # type: ignore[no-untyped-def]
-    """a := map a."""
-    for i in range(len(rule.a)):
-        rule.scratch[i] = 0.0
-        for j in range(len(rule.a)):
-            if map[i, j] != 0:
-                rule.scratch[i] += map[i, j] * rule.a[j]
-    for i in range(len(rule.a)):
-        rule.a[i] = rule.scratch[i]
-
-
-@exact
-def _jump(engine, rule, edge):  # type: ignore[no-untyped-def]
-    """Apply the impulses at this edge to the controller's state; return whether there are any."""
-    b, found = engine.block, False
-    at, n_v = int(b[Slot.AT_ERRORS]), int(b[Slot.N_V])
-    for _ in range(int(b[Slot.ERRORS])):
-        if b[at + 4] == edge and b[at + 5] == edge:
-            found = True
-            column = int(b[Slot.AT_N]) + int(b[at])
-            for i in range(len(rule.a)):
-                rule.a[i] += b[column + i * n_v] * b[at + 1]
-        at += 6
-    return found
-
-
-# verbs of :mod:`icmj.simulation.native.loop`, the same for all flows
+# verbs of :mod:`icmj.simulation.native.loop`, the same for both ways; a way's own are ``travel``, ``cross``, ``note``
 
 
 @exact
 def change(f):  # type: ignore[no-untyped-def]
-    """Pass the edges that are due: impulses move the controller's state, and the phase changes."""
-    engine, plan, rule, moved = f.engine, f.plan, f.rule, False
-    while is_due(plan.edges[rule.due[EDGE]], engine.time[0]):
-        moved = _jump(engine, rule, plan.edges[rule.due[EDGE]]) or moved
-        rule.due[EDGE] += 1
-        engine.phase[0] = plan.phases[rule.due[EDGE]]
-        f.progress[0].stale = STALE
-    return moved
-
-
-@exact
-def act(f):  # type: ignore[no-untyped-def]
-    """Carry out the action that is due."""
-    acts = take_action(f.rule, f.engine.time[0])
-    if acts:
-        apply(f.rule.G, f.rule)
-        f.progress[0].stale = STALE
-    return acts
-
-
-@exact
-def tick(f):  # type: ignore[no-untyped-def]
-    """Whether the clock ticks, or the sample is taken."""
-    return is_due(next_event(f.plan, f.rule), f.engine.time[0])
-
-
-@exact
-def note_step(f, event, acted):  # type: ignore[no-untyped-def]
-    """Record the outputs where a step ends, with a row at events, actions and the end, and where one is due."""
-    t, progress = f.engine.time[0], f.progress
-    due = t >= f.plan.t_end or t >= progress[0].next_row - 1e-9 * f.plan.timestep
-    note(f.engine, progress, f.plan, f.record, event, acted or due or progress[0].status != _RUNNING)
-    f.record.count[3] += 1
+    """Pass the edges that are due, and the phase with them; whether a reading or the controller's state jumps."""
+    jumps = change_controller(f)
+    f.engine.phase[0] = f.plan.phases[f.now.due[EDGE]]
+    return jumps
 
 
 @exact
 def fire(f):  # type: ignore[no-untyped-def]
     """An event."""
-    apply(f.rule.J, f.rule)
-    plan_after(f.plan, f.rule, f.engine.time[0])
+    fire_controller(f)
     f.progress[0].events += 1
     f.progress[0].stale = STALE
 
@@ -567,8 +565,13 @@ def fire(f):  # type: ignore[no-untyped-def]
 @exact
 def end(f, event):  # type: ignore[no-untyped-def]
     """Whether the run ends, and how."""
-    if f.progress[0].status != _RUNNING:
-        return f.progress[0].status
-    if event and f.progress[0].events >= f.plan.events:
+    if event and f.progress[0].events >= f.plan.events and f.now.met[FALLS] == 0:
         return _REACHED
-    return _COMPLETED if f.engine.time[0] >= f.plan.t_end else _RUNNING
+    return end_at_instant(f, event)
+
+
+@exact
+def note_rough(record, t):  # type: ignore[no-untyped-def]
+    """Record that something is not smooth at ``t``."""
+    record.rough[record.count[4]] = t
+    record.count[4] += 1

@@ -1,4 +1,4 @@
-"""The flow of the engine under any controller, stretch by stretch, for all steppings.
+"""The flow of the engine stretch by stretch, under any controller, for all steppings.
 
 The verbs that :mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant.
 
@@ -14,7 +14,7 @@ through the samples around it, with an error of order eight in their spacing.
 
 A fall is noticed where a step ends.
 
-Recurring arguments are those of :mod:`icmj.engine.native.state` and :mod:`icmj.simulation.taps`; reader and track.
+Recurring arguments are those of :mod:`icmj.engine.native.state` and :mod:`icmj.simulation.taps`.
 """
 
 # numba rewrites calls of types, which type checkers cannot see
@@ -23,18 +23,25 @@ Recurring arguments are those of :mod:`icmj.engine.native.state` and :mod:`icmj.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-
-from icmj.base.array import Array
 from icmj.base.roots import ONE_INSTANT, evaluate
 from icmj.engine.block import Slot, Stages
 from icmj.engine.native.field import flow, forward
-from icmj.engine.native.fixed_steps import save, step
 from icmj.engine.native.memory import address, bare, compiled, engine_function, entry, exact, merged, sources
-from icmj.engine.native.state import Engine, Plan, Rule, note, note_event, note_row, standing
-from icmj.engine.schedule import Recording, row_after
+from icmj.engine.native.state import (
+    FlowData,
+    change,
+    check_state,
+    end,
+    fire,
+    note,
+    note_event,
+    note_rough,
+    note_row,
+)
+from icmj.engine.native.steps import save, step
+from icmj.engine.schedule import row_after
 from icmj.simulation.native.loop import ARRIVED, EDGE, SIGNAL, Status, is_due, run_loop
 from icmj.simulation.native.loop import sources as sources_of_loop
 from icmj.simulation.native.taps import (
@@ -44,11 +51,8 @@ from icmj.simulation.native.taps import (
     SMOOTH,
     TURNS,
     act,
-    change,
     cross,
     cut,
-    end,
-    fire,
     foresee,
     is_crowded,
     is_over,
@@ -61,79 +65,18 @@ from icmj.simulation.native.taps import (
     settle,
     tick,
 )
-from icmj.simulation.native.waves import Waves, add_waves
-from icmj.simulation.taps import History, Now, Taps
+from icmj.simulation.native.waves import add_waves
 
 _RUNNING = int(Status.RUNNING)
 _FELL, _DIVERGED, _STALLED = int(Status.FELL), int(Status.DIVERGED), int(Status.STALLED)
 _FULL = int(Status.FULL)
 _WHOLE = int(Stages.WHOLE)
 _BETWEEN, _FLYING, _ENDING = 0, 1, 2  # stretches; within one; at its end
-_CELLS = 512  # stretches before the caller is asked, who may have been interrupted
 _POINTS = 8  # that a value between samples is taken from
 SAMPLES = 8  # of a stretch at least, as many as that takes
 _row_after = compiled(row_after)
 _normalise = engine_function("mj_normalizeQuat", "void(intp, intp)")
 _SHORT = 1e-6  # s; what stretches of that length do is straight
-
-
-class Reader(NamedTuple):
-    """What the controller reads of the engine, and where its commands go.
-
-    Attributes:
-        entries, gain, offset: y = gain · sensordata[entries] + offset, shape (n_y,).
-        actuators, b: of each command, shape (n_u,).
-        levels: of the edges of what acts, see :mod:`icmj.simulation.native.taps`.
-        errors: of the outputs as they are read, n_y rows.
-        joint: whether the controller's state is integrated with the plant.
-        M, N, K, S: if joint, of each mode as the model holds them (:func:`icmj.engine.closed_loop.at_ports`).
-    """
-
-    entries: np.ndarray
-    gain: Array
-    offset: Array
-    actuators: np.ndarray
-    b: Array
-    levels: np.ndarray
-    errors: Waves
-    joint: bool
-    M: Array
-    N: Array
-    K: Array
-    S: Array
-
-
-class Track(NamedTuple):
-    """Where a run is, and what it records beside the engine's rows.
-
-    Attributes:
-        t: begin and end of the stretch under way, the last row, and when the next row was due as the stretch began
-            [s], shape (4,).
-        marks: guard that ends the stretch, how far it has come, samples of it, why it ends, and samples and rows that
-            were recorded at its begin, shape (6,).
-        counts: rows with a command, rough instants, and stretches until the caller is asked, shape (3,).
-        at, y: samples of the stretch under way, their outputs and, if joint, the controller's states, shapes (S,),
-            (S, n_y + N_a).
-        begin: the engine's state at its begin.
-        curves: polynomials of outputs and the controller's states, shape (n_y + N_a, p + 1).
-        states: the engine's rows there, shape (S, width).
-        near: numbers of the samples that are read, shape (S,).
-        u, mode: at the rows, shapes (capacity, n_u), (capacity,).
-        rough: instants at which something is not smooth, shape (capacity,).
-    """
-
-    t: Array
-    marks: np.ndarray
-    counts: np.ndarray
-    at: Array
-    y: Array
-    states: Array
-    near: np.ndarray
-    begin: Array
-    curves: Array
-    u: Array
-    mode: np.ndarray
-    rough: Array
 
 
 @exact
@@ -307,9 +250,9 @@ def _row_here(engine, plan, progress, record, now, track):  # type: ignore[no-un
         note_row(engine, record)
         last = record.count[1] - 1
         for i in range(len(now.last)):
-            track.u[last, i] = now.last[i]
-        track.mode[last] = now.mode[BEFORE]
-        track.counts[0], track.t[2] = record.count[1], t
+            record.u[last, i] = now.last[i]
+        record.mode[last] = now.mode[BEFORE]
+        record.count[5], track.t[2] = record.count[1], t
     if progress[0].next_row <= t + ONE_INSTANT:  # this is that row
         progress[0].next_row = _row_after(t, plan.record_interval, plan.breaks)
 
@@ -334,8 +277,7 @@ def _start(engine, plan, record, taps, history, now, reader, track):  # type: ig
                 b[course + j] = reader.b[i] * now.u[i, j]
     b[Slot.SINCE], b[Slot.UNIT] = t, taps.unit
     if level < taps.rough and end > t:
-        track.rough[track.counts[1]] = t
-        track.counts[1] += 1
+        note_rough(record, t)
     track.t[0], track.t[1] = t, end
     now.level[0], track.marks[0], track.marks[1], track.marks[2] = level, guard, _FLYING, 0
 
@@ -343,13 +285,13 @@ def _start(engine, plan, record, taps, history, now, reader, track):  # type: ig
 @compiled
 def _command(taps, now, track, record):  # type: ignore[no-untyped-def]
     """Write down command and mode at the rows that have been recorded since the last call."""
-    for row in range(track.counts[0], record.count[1]):
+    for row in range(record.count[5], record.count[1]):
         theta = (record.rows[row, 0] - track.t[0]) / taps.unit
         for i in range(len(now.u)):
-            track.u[row, i] = evaluate(now.u[i], now.u.shape[1] - 1, theta)
-        track.mode[row] = now.mode[0]
+            record.u[row, i] = evaluate(now.u[i], now.u.shape[1] - 1, theta)
+        record.mode[row] = now.mode[0]
         track.t[2] = record.rows[row, 0]
-    track.counts[0] = record.count[1]
+    record.count[5] = record.count[1]
 
 
 @compiled
@@ -435,29 +377,6 @@ def _depart(engine, plan, progress, record, reader, track):  # type: ignore[no-u
         progress[0].next_row = _row_after(engine.time[0], plan.record_interval, plan.breaks)
 
 
-class Stretches(NamedTuple):
-    """All that the flow works on, and what the verbs of all stretches take (:mod:`icmj.simulation.native.taps`).
-
-    The run comes back where a stretch begins at ``until`` or later [s].
-    """
-
-    engine: Engine
-    plan: Plan
-    rule: Rule
-    progress: Any
-    record: Recording
-    taps: Taps
-    history: History
-    now: Now
-    reader: Reader
-    track: Track
-    until: float
-    time: Array
-    edges: Array
-    levels: np.ndarray
-    end: float
-
-
 @merged
 def _travel(f):  # type: ignore[no-untyped-def]
     """One stretch, or as much of it as there is room for."""
@@ -465,10 +384,10 @@ def _travel(f):  # type: ignore[no-untyped-def]
     taps, history, now, reader, track = f.taps, f.history, f.now, f.reader, f.track
     time, status = engine.time, _RUNNING
     if track.marks[1] == _BETWEEN:
-        track.counts[2] -= 1
-        if track.counts[2] < 0 or time[0] >= f.until:
+        progress[0].left -= 1
+        if progress[0].left < 0 or time[0] >= f.until:
             return _RUNNING
-        if track.counts[1] + 4 > len(track.rough) or record.count[1] + 4 > len(record.rows):
+        if record.count[4] + 4 > len(record.rough) or record.count[1] + 4 > len(record.rows):
             return _RUNNING
         if reader.joint and max(record.count[0], record.count[1]) > len(record.dense) // 4:
             return _RUNNING
@@ -502,7 +421,7 @@ def _travel(f):  # type: ignore[no-untyped-def]
             progress[0].steps += 1
             if not reader.joint:
                 _command(taps, now, track, record)
-            status = standing(engine, plan)
+            status = check_state(engine, plan)
             if status in (_RUNNING, _FELL):
                 _sample(engine, reader, track, time[0])
             if status != _RUNNING or time[0] >= end:
@@ -542,14 +461,6 @@ def _travel(f):  # type: ignore[no-untyped-def]
 
 
 @exact
-def _change(f):  # type: ignore[no-untyped-def]
-    """Pass the edges that are due, and the phase with them."""
-    changed = change(f)
-    f.engine.phase[0] = f.plan.phases[f.now.due[EDGE]]
-    return changed
-
-
-@exact
 def _note(f, event, acted):  # type: ignore[no-untyped-def]
     track, t = f.track, f.time[0]
     if event or is_over(f) or f.now.met[TURNS] != 0 or f.now.met[FALLS] != 0:
@@ -558,28 +469,30 @@ def _note(f, event, acted):  # type: ignore[no-untyped-def]
         f.progress[0].next_row = t  # the next stretch begins with it, whose command is that from the right
     if event:
         note_event(f.engine, f.record)
-        track.rough[track.counts[1]] = t
-        track.counts[1] += 1
+        note_rough(f.record, t)
 
 
 @compiled
 def _run(flow):  # type: ignore[no-untyped-def]
-    return run_loop(flow, _travel, _change, act, tick, cross, _note, fire, end)
+    return run_loop(flow, _travel, change, act, tick, cross, _note, fire, end)
 
 
 @cache
 def compile_stretches() -> Any:
-    """The compiled march."""
+    """The compiled ``march`` of a run by stretches, with what it needs of :class:`FlowData`.
+
+    ``left`` is the number of stretches until the caller is asked, who may have been interrupted.
+    """
     source = sources() + sources_of_loop()
 
     @entry
-    def march(engine, plan, rule, progress, record, taps, history, now, reader, track, until):  # type: ignore[no-untyped-def]
-        progress[0].source = source
-        track.counts[2] = _CELLS
-        flow = Stretches(
-            bare(engine), bare(plan), bare(rule), bare(progress), bare(record),
-            taps, history, now, reader, track, until, bare(engine).time, bare(plan).edges, reader.levels, plan.t_end,
+    def march(engine, plan, progress, record, levels, until, left, taps, history, now, reader, track):  # type: ignore[no-untyped-def]
+        progress[0].source, progress[0].left = source, left
+        run, here = bare(plan), bare(engine)
+        f = FlowData(
+            here, run, 0, bare(progress), bare(record), bare(taps), bare(history), bare(now), bare(reader),
+            bare(track), bare(levels), until, here.time, run.edges, run.t_end,
         )  # fmt: skip
-        return _run(flow)
+        return _run(f)
 
     return march

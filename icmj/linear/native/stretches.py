@@ -51,7 +51,7 @@ from icmj.simulation.native.taps import (
     tick,
 )
 from icmj.simulation.native.waves import Waves, add_waves
-from icmj.simulation.taps import History, Now, Taps
+from icmj.simulation.taps import ControllerState, History, Taps
 
 _DIVERGED = 1e12
 _RUNNING, _FULL = int(Status.RUNNING), int(Status.FULL)
@@ -298,7 +298,7 @@ class Stretches(NamedTuple):
     taps: Taps
     body: Body
     history: History
-    now: Now
+    now: ControllerState
     track: Track
     time: Array
     edges: Array

@@ -22,11 +22,11 @@ which something is due is reached there, after it. A rule that is watched from a
 Every number that decides is a function of state and time alone, so neither the rows asked for nor the size of a buffer
 changes a bit of the motion, but where a step would not find room for its rows.
 
-A flow is a module with the verbs below, which the loop calls with the flow's own data, whatever these are. There are
-two kinds for each plant: a quick one for an observer with a hold and an event rule (:mod:`icmj.linear.native.pieces`,
-:mod:`icmj.engine.native.fixed_steps`), and one for any controller, which goes by stretches
-(:mod:`icmj.linear.native.stretches`, :mod:`icmj.engine.native.stretches`, and for both
-:mod:`icmj.simulation.native.taps`).
+A flow is a module with the verbs below, which the loop calls with the flow's own data, whatever these are. Any
+controller goes by stretches (:mod:`icmj.linear.native.stretches`, :mod:`icmj.engine.native.stretches`, and for both
+:mod:`icmj.simulation.native.taps`). Quicker is, on the linear plant, what is for an observer with a hold and an event
+rule (:mod:`icmj.linear.native.pieces`), and in MuJoCo, with the same data, what goes from step to step under a
+controller that reads the current outputs alone (:mod:`icmj.engine.native.steps`).
 
 ===================== ==================================================================================================
 ``travel(f)``         moves to the next instant, or a step towards it: :data:`ARRIVED` where the others are to be

@@ -1,23 +1,23 @@
-"""The flow of the engine in fixed steps, under an observer, a hold and an event rule.
+"""The flow of the engine step by step, under a controller that reads the current outputs alone.
 
 The verbs that :mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant. With them: one
 step of the engine, which can be undone and repeated with another length, and the search for a zero of the event
 function in a step. It runs without the GIL and cannot raise: a run that goes wrong comes back as a status.
+
+Each step is taken from a forward pass at its start to one at its end, which gives the outputs and, from the activation
+rates, E and dE/dt at both ends. Their Hermite cubic decides whether E may have reached zero in between, to a 64th of
+the step (:func:`search`); the event is then located by repeating the step, shortened.
 """
 
 from __future__ import annotations
 
-from copy import copy as copy_of
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
-import mujoco
 import numpy as np
 
-from icmj.base.array import Array
-from icmj.base.process import SWITCH
 from icmj.base.roots import ONE_INSTANT, one
-from icmj.engine.block import Block, Slot, Stages, block_of
+from icmj.engine.block import Stages
 from icmj.engine.native.field import drive, flow, forward
 from icmj.engine.native.memory import (
     address,
@@ -28,7 +28,6 @@ from icmj.engine.native.memory import (
     exact,
     inlined,
     merged,
-    run_guarded,
     sources,
 )
 from icmj.engine.native.state import (
@@ -37,30 +36,21 @@ from icmj.engine.native.state import (
     RESTARTED,
     RK4,
     STALE,
-    Engine,
-    Plan,
-    Rule,
-    act,
+    FlowData,
     change,
+    check_state,
     end,
-    engine_of,
     fire,
-    new_progress,
+    note,
+    note_rough,
     note_row,
-    note_step,
-    plan_of,
-    progress_at,
-    rule_of,
-    standing,
-    tick,
 )
-from icmj.engine.safety import can_fault
-from icmj.engine.schedule import EVENT_TOLERANCE, Recording, Schedule, row_after
-from icmj.errors import ModelError
+from icmj.engine.schedule import EVENT_TOLERANCE, row_after
 from icmj.simulation.native.loop import (
     ARRIVED,
     EDGE,
     READY,
+    SIGNAL,
     Status,
     await_sample,
     is_watched,
@@ -68,6 +58,7 @@ from icmj.simulation.native.loop import (
     run_loop,
 )
 from icmj.simulation.native.loop import sources as sources_of_loop
+from icmj.simulation.native.taps import FALLS, act, tick
 
 # numba rewrites calls of types, which type checkers cannot see
 # mypy: disable-error-code="call-arg, call-overload"
@@ -208,18 +199,18 @@ _SPLITS = 64  # finest division of a step in which E is looked at before a near-
 
 
 @inlined
-def evaluate(rule):  # type: ignore[no-untyped-def]
-    """Write (E_j, dE_j/dt) of every face at the engine's state, after a forward pass, into ``rule.now``."""
-    for face in range(len(rule.now)):
+def evaluate_faces(faces):  # type: ignore[no-untyped-def]
+    """Write (E_j, dE_j/dt) of every face at the engine's state, after a forward pass, into ``faces.now``."""
+    for face in range(len(faces.now)):
         E, dE = -1.0, 0.0
-        for row in range(rule.cuts[face], rule.cuts[face + 1]):
+        for row in range(faces.cuts[face], faces.cuts[face + 1]):
             value, rate = 0.0, 0.0
-            for i in range(rule.spans[row, 0], rule.spans[row, 1]):
-                value += rule.R[row, i] * rule.a[i]
-                rate += rule.R[row, i] * rule.a_rate[i]
+            for i in range(faces.spans[row, 0], faces.spans[row, 1]):
+                value += faces.R[row, i] * faces.a[i]
+                rate += faces.R[row, i] * faces.a_rate[i]
             E += value * value
             dE += 2 * value * rate
-        rule.now[face, 0], rule.now[face, 1] = E, dE
+        faces.now[face, 0], faces.now[face, 1] = E, dE
 
 
 @inlined
@@ -242,7 +233,7 @@ def reached(levels):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def copy(source, target):  # type: ignore[no-untyped-def]
+def copy_levels(source, target):  # type: ignore[no-untyped-def]
     """Copy the levels (E_j, dE_j/dt) of one point to another."""
     for face in range(len(source)):
         target[face, 0], target[face, 1] = source[face, 0], source[face, 1]
@@ -316,12 +307,12 @@ def _hermite_root(low, E_l, dE_l, high, E_h, dE_h):  # type: ignore[no-untyped-d
 
 
 @compiled
-def locate(engine, progress, rule, low, at_low, high):  # type: ignore[no-untyped-def]
+def locate(engine, progress, faces, low, at_low, high):  # type: ignore[no-untyped-def]
     """Find the root of max E_j between ``low`` (all negative) and ``high`` (where the engine is; one is not).
 
     Leaves the engine there.
     """
-    now = rule.now
+    now = faces.now
     s = np.inf
     for j in range(len(now)):
         if now[j, 0] >= 0:
@@ -329,7 +320,7 @@ def locate(engine, progress, rule, low, at_low, high):  # type: ignore[no-untype
     for trial in range(60):
         undo(engine, progress)
         step(engine, progress, s)
-        evaluate(rule)
+        evaluate_faces(faces)
         face = active(now)
         E, dE = now[face, 0], now[face, 1]
         if E >= 0:
@@ -343,33 +334,29 @@ def locate(engine, progress, rule, low, at_low, high):  # type: ignore[no-untype
 
 
 @compiled
-def search(engine, progress, rule, rate, length):  # type: ignore[no-untyped-def]
+def search(engine, progress, faces, rate, length):  # type: ignore[no-untyped-def]
     """Search for an event inside the last step on 2, 4, … equal parts of it; leaves the state there, or at its end."""
     pieces = 2
     while pieces <= _SPLITS:
         s_a = 0.0
-        copy(rule.before, rule.left)
+        copy_levels(faces.before, faces.left)
         allowed = margin(rate, length / pieces)
         settled = True
         for j in range(1, pieces + 1):
             s_b = length * j / pieces
             undo(engine, progress)
             step(engine, progress, s_b)
-            evaluate(rule)
-            if rule.now[active(rule.now), 0] >= 0:
-                locate(engine, progress, rule, s_a, rule.left, s_b)
+            evaluate_faces(faces)
+            if faces.now[active(faces.now), 0] >= 0:
+                locate(engine, progress, faces, s_a, faces.left, s_b)
                 return True
-            settled = settled and not may_reach_zero(rule.left, rule.now, rule.top, s_b - s_a, allowed)
+            settled = settled and not may_reach_zero(faces.left, faces.now, faces.top, s_b - s_a, allowed)
             s_a = s_b
-            copy(rule.now, rule.left)
+            copy_levels(faces.now, faces.left)
         if settled:
             break
         pieces *= 2
     return False
-
-
-# numba rewrites calls of types, which type checkers cannot see
-# mypy: disable-error-code="call-arg, call-overload"
 
 
 _RUNNING, _FELL = int(Status.RUNNING), int(Status.FELL)
@@ -378,39 +365,29 @@ _row_after = compiled(row_after)
 
 
 @merged
-def _fired(engine, progress, rule, rate, length, armed):  # type: ignore[no-untyped-def]
+def _fired(engine, progress, faces, rate, length, armed):  # type: ignore[no-untyped-def]
     """Whether an event occurs within the last step; leaves the state at the first event, or at the step's end."""
-    evaluate(rule)
+    evaluate_faces(faces)
     if not armed:
         return False
-    face = active(rule.now)
+    face = active(faces.now)
     if face < 0:
         return False
-    for j in range(len(rule.now)):
-        rule.top[j] = max(abs(rule.before[j, 0] + 1), abs(rule.now[j, 0] + 1))
-    if may_reach_zero(rule.before, rule.now, rule.top, length, margin(rate, length)):
-        return search(engine, progress, rule, rate, length)
-    if rule.now[face, 0] >= 0:
-        locate(engine, progress, rule, 0.0, rule.before, length)
+    for j in range(len(faces.now)):
+        faces.top[j] = max(abs(faces.before[j, 0] + 1), abs(faces.now[j, 0] + 1))
+    if may_reach_zero(faces.before, faces.now, faces.top, length, margin(rate, length)):
+        return search(engine, progress, faces, rate, length)
+    if faces.now[face, 0] >= 0:
+        locate(engine, progress, faces, 0.0, faces.before, length)
         return True
     return False
 
 
 @exact
-def _levels(rule):  # type: ignore[no-untyped-def]
+def _levels(faces):  # type: ignore[no-untyped-def]
     """Evaluate E and its rate at the engine's state, as the start values of the next step."""
-    evaluate(rule)
-    copy(rule.now, rule.before)
-
-
-class Fixed(NamedTuple):
-    """All that the flow of fixed steps works on."""
-
-    engine: Engine
-    plan: Plan
-    rule: Rule
-    progress: Any
-    record: Recording
+    evaluate_faces(faces)
+    copy_levels(faces.now, faces.before)
 
 
 @compiled
@@ -423,7 +400,7 @@ def _rows_within(engine, progress, plan, record, length):  # type: ignore[no-unt
     while progress[0].next_row < last and record.count[1] + 2 < len(record.rows):
         t = progress[0].next_row
         step(engine, progress, t - begin)
-        if standing(engine, plan) != _RUNNING:  # what comes of it is seen where the step ends
+        if check_state(engine, plan) != _RUNNING:  # what comes of it is seen where the step ends
             return
         engine.time[0] = t
         note_row(engine, record)
@@ -440,23 +417,23 @@ def _take_back(engine, progress, plan, record, first):  # type: ignore[no-untype
 @merged
 def _travel(f):  # type: ignore[no-untyped-def]
     """One step, or the part of it until an event."""
-    engine, plan, rule, progress = f.engine, f.plan, f.rule, f.progress
-    time, has_rule = engine.time, len(rule.now) > 0
+    engine, plan, faces, progress, now = f.engine, f.plan, f.faces, f.progress, f.now
+    time, has_rule = engine.time, len(faces.now) > 0
     t = time[0]
-    if progress[0].left == 0 or len(f.record.rows) - f.record.count[1] < plan.most:
+    if progress[0].left == 0 or len(f.record.rows) - f.record.count[1] < plan.most or t >= f.until:
         return _RUNNING
     progress[0].left -= 1
     if progress[0].stale == STALE:
         refresh(engine)
     if progress[0].stale != 0:
-        _levels(rule)
-    target = next_instant(plan, rule, plan.edges[rule.due[EDGE]], plan.t_end)
-    armed = has_rule and is_watched(rule, t)
+        _levels(faces)
+    target = next_instant(f.taps, now, plan.edges[now.due[EDGE]], plan.t_end)
+    armed = has_rule and is_watched(now, t)
     if has_rule and not armed:
-        target = min(target, one(rule.when[READY], target))
+        target = min(target, one(now.when[READY], target))
     lands = target - t <= plan.timestep * (1 + 1e-9) + ONE_INSTANT
     length = target - t if lands else plan.timestep
-    fired, starts = False, progress[0].stale == RESTARTED and armed and reached(rule.now)
+    fired, starts = False, progress[0].stale == RESTARTED and armed and reached(faces.now)
     progress[0].stale = 0
     if starts:  # beyond the threshold from the beginning
         length = 0.0
@@ -469,154 +446,92 @@ def _travel(f):  # type: ignore[no-untyped-def]
         if plan.tolerance > 0:
             _rows_within(engine, progress, plan, f.record, length)
         step(engine, progress, length)
-        fired = _fired(engine, progress, rule, plan.rate, length, armed)
+        fired = _fired(engine, progress, faces, plan.rate, length, armed)
         if fired and lands and target - ONE_INSTANT <= time[0] < target:  # where something else is due
             undo(engine, progress)
             step(engine, progress, length)
-            evaluate(rule)
+            evaluate_faces(faces)
         if fired:
             _take_back(engine, progress, plan, f.record, first)
         lands = lands and time[0] >= target
-        copy(rule.now, rule.before)
+        copy_levels(faces.now, faces.before)
     if fired or lands:
         progress[0].grid, progress[0].steps = time[0], 0
     else:
         progress[0].steps += 1
-    status = standing(engine, plan)
-    progress[0].lands, progress[0].met, progress[0].status = lands or starts, fired, status
+    status = check_state(engine, plan)
+    progress[0].lands, progress[0].met, now.met[FALLS] = lands or starts, fired, status == _FELL
     if status in (_RUNNING, _FELL):
         return ARRIVED
-    note_step(f, False, False)
+    _record(f, False, True)
     return status
+
+
+@exact
+def _change(f):  # type: ignore[no-untyped-def]
+    """Pass the edges that are due; whether an impulse has moved the controller's state."""
+    edge, signal = f.now.due[EDGE], f.now.due[SIGNAL]
+    change(f)
+    if f.now.due[EDGE] > edge:
+        f.progress[0].stale = STALE
+        note_rough(f.record, f.time[0])
+    return f.now.due[SIGNAL] > signal
 
 
 @exact
 def _cross(f, moved):  # type: ignore[no-untyped-def]
     """Whether the event function has reached zero."""
-    engine, rule, progress = f.engine, f.rule, f.progress
+    engine, faces, progress = f.engine, f.faces, f.progress
     if moved:
         refresh(engine)
-        _levels(rule)
+        _levels(faces)
         progress[0].stale = 0
     fired = progress[0].met != 0 and not moved
-    if not fired and progress[0].lands != 0 and len(rule.now) > 0 and is_watched(rule, engine.time[0]):
-        fired = reached(rule.now)
-    if fired and not await_sample(f.plan, rule, engine.time[0]):
+    if not fired and progress[0].lands != 0 and len(faces.now) > 0 and is_watched(f.now, engine.time[0]):
+        fired = reached(faces.now)
+    if fired and not await_sample(f.taps, f.now, engine.time[0]):
         progress[0].stale, fired = STALE, False  # E is above zero, and not watched: levels anew before the next step
     return fired
 
 
+@exact
+def _record(f, event, due):  # type: ignore[no-untyped-def]
+    """Record the outputs where a step ends, with a row where one is due."""
+    note(f.engine, f.progress, f.plan, f.record, event, due)
+    f.record.count[3] += 1
+
+
+@exact
+def _note(f, event, acted):  # type: ignore[no-untyped-def]
+    """Record the outputs where a step ends, with a row at events, actions and the end, and where one is due."""
+    t, plan = f.time[0], f.plan
+    due = t >= plan.t_end or t >= f.progress[0].next_row - 1e-9 * plan.timestep
+    _record(f, event, acted or due or f.now.met[FALLS] != 0)
+    if acted:
+        note_rough(f.record, f.time[0])
+
+
 @compiled
 def _run(flow):  # type: ignore[no-untyped-def]
-    return run_loop(flow, _travel, change, act, tick, _cross, note_step, fire, end)
+    return run_loop(flow, _travel, _change, act, tick, _cross, _note, fire, end)
 
 
 @cache
-def compile_fixed_steps() -> Any:
-    """The compiled loop of fixed steps."""
+def compile_steps() -> Any:
+    """The compiled ``advance`` of a run step by step, with what it needs of :class:`FlowData`.
+
+    ``left`` is the number of steps until the caller is asked.
+    """
     source = sources() + sources_of_loop()
 
     @entry
-    def advance(engine, plan, rule, progress, record, steps):  # type: ignore[no-untyped-def]
-        progress[0].source = source
-        progress[0].left = steps
-        flow = Fixed(bare(engine), bare(plan), bare(rule), bare(progress), bare(record))
-        return _run(flow)
+    def advance(engine, plan, progress, record, levels, until, left, faces, taps, now):  # type: ignore[no-untyped-def]
+        progress[0].source, progress[0].left = source, left
+        run, here = bare(plan), bare(engine)
+        f = FlowData(
+            here, run, bare(faces), bare(progress), bare(record), bare(taps), 0, bare(now), 0, 0,
+            bare(levels), until, here.time, run.edges, run.t_end,
+        )  # fmt: skip
+        return _run(f)
 
     return advance
-
-
-class FixedSteps:
-    """Steps a composed model from event to event, by the timestep of its schedule.
-
-    Each step is taken from a forward pass at its start to one at its end, which gives the outputs and, from the
-    activation rates, E and dE/dt at both ends. Their Hermite cubic decides whether E may have reached zero in
-    between, to a 64th of the step (:func:`search`); the event is then located by repeating the step, shortened.
-    """
-
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, schedule: Schedule, qpos_0: Array) -> None:
-        """Allocate the work arrays, and start.
-
-        Raises:
-            ModelError: if compiled code cannot work on this MuJoCo, or the callbacks are not of this code.
-        """
-        block = block_of(model)
-        assert block is not None
-        self._model, self._data, self._block, self._schedule = model, data, block, schedule
-        phase = block.header[Slot.PHASE : Slot.PHASE + 1]
-        plan = plan_of(schedule, qpos_0, model)
-        self._progress = new_progress()
-        rule = rule_of(block, data, schedule)
-        self._run = engine_of(model, data, phase, schedule.tolerance > 0), plan, rule, self._progress
-        self._faulty = can_fault(model)
-        self.begin()
-        _verify(data, block)
-
-    def reschedule(self, schedule: Schedule, qpos_0: Array) -> FixedSteps:
-        """The same loop, work arrays included, with another schedule of the same order; for the same thread."""
-        other = copy_of(self)
-        engine, _, *room = self._run
-        other._schedule = schedule
-        other._run = engine, plan_of(schedule, qpos_0, self._model), *room
-        return other
-
-    @property
-    def parts(self) -> tuple[Any, ...]:
-        """Engine, plan, rule and progress, for another loop over them."""
-        return self._run
-
-    @property
-    def faulty(self) -> bool:
-        """Whether MuJoCo may give up."""
-        return self._faulty
-
-    def begin(self) -> None:
-        """Start or restart from the state in the data, right after an event."""
-        progress_at(self._data.time, self._schedule, *self._run[1:])
-        self._block.header[Slot.PHASE] = self._schedule.phases[self._schedule.first_edge(self._data.time)]
-        mujoco.mj_forward(self._model, self._data)
-
-    def advance(self, record: Recording, steps: int) -> Status:
-        """Take up to ``steps`` steps, writing into ``record``.
-
-        Raises:
-            EngineFault, mujoco.FatalError: if MuJoCo gives up.
-        """
-        return Status(run_guarded(compile_fixed_steps(), (*self._run, record, steps), self._faulty))
-
-
-def _verify(data: mujoco.MjData, block: Block) -> None:
-    """Compare the values that the installed callbacks have just written with the matrix equations that they implement.
-
-    Raises:
-        ModelError: if they differ: the callbacks are not installed, or the code on disk is not of this version.
-    """
-
-    def waves(terms: Array, signals: Array, count: int) -> Array:
-        at, amplitude, omega, phi, start, end = terms.T
-        open_ = (start <= block.header[Slot.PHASE]) & (block.header[Slot.PHASE] < end)
-        found = np.bincount(at.astype(int), open_ * amplitude * np.cos(omega * data.time + phi), count).astype(float)
-        for place, begin, _, first, last, interval in signals[signals[:, 3] < 0]:
-            values = block.values[-1 - int(first) : int(last)]
-            if begin <= block.header[Slot.PHASE]:
-                found[int(place)] += np.interp(data.time, interval * np.arange(len(values)), values)
-        return found
-
-    commanded, read = (int(block.header[slot]) for slot in (Slot.COMMANDED, Slot.READ))
-    a, y = data.act[block.act], data.sensordata[: len(block.y_0)]
-    beside = waves(block.terms, block.signals[:commanded], len(block.ctrl_0))
-    shared = block.signals[len(block.signals) - int(block.header[Slot.SHARES]) :]
-    shares = waves(block.terms[:0], shared, len(block.ctrl_0))
-    v = waves(block.errors, block.signals[commanded : commanded + read], block.N.shape[1])
-    v[: len(y)] += y - block.y_0
-    command = block.ctrl_0 - block.K @ a * (1 + shares) + beside
-    if len(block.S):
-        command = command - block.S @ v[: len(y)]
-    rates = block.M @ a + block.N @ v
-    for found, expected in ((data.ctrl[: len(command)], command), (data.act_dot[block.act], rates)):
-        scale = 1e-9 * (1 + np.abs(expected).max() + np.abs(block.M).max() * np.abs(a).max())
-        if not np.all(np.abs(found - expected) <= scale):
-            raise ModelError(
-                "the compiled callbacks do not compute this controller; delete numba's cache (__pycache__ in "
-                f"icmj/engine/native, or NUMBA_CACHE_DIR), or {SWITCH}"
-            )
