@@ -12,7 +12,10 @@ The rules need no oracle: each compares a run with another of the same file, cha
   that docs/simulation.md states: an edge just before, then the action, then tick or threshold;
 * ``shift``: from rest, moving every instant by the same time moves the run;
 * ``plants``: linear plant and MuJoCo agree where the sway is small;
-* ``routes``: every way to the same run gives the same bits.
+* ``routes``: every way to the same run gives the same bits;
+* ``units``: with each state, input and output in a unit of its own, and time in milliseconds to hours, the theory and
+  the linear plant say the same;
+* ``coordinates``: so they do of the states in other, well-conditioned coordinates.
 
 Motions between events can be unstable, so differences grow from rounding to anything. What no smooth motion does is to
 jump: from one event to the next a difference may grow by :data:`GROWTH`, and an action that is lost, or an event that
@@ -26,11 +29,12 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 import icmj
 from icmj.case.plants import linear_plant
@@ -47,6 +51,7 @@ SHARES = 20  # of a measure that a row may change it by
 EXPORTED = 1e-4  # of a signal, between rows some 2 ms apart; rows of outputs 10 ms apart
 QUIET = 1e-12  # the largest value of a signal that consists of rounding
 FINE = {"three-link": 0.25}  # of those 2 ms, of bodies that move faster
+TURNED = 1e-6  # of a number of the theory, in other coordinates
 TOGETHER = 1e-4  # s; motions whose events lie further apart are no longer compared
 
 
@@ -575,6 +580,126 @@ def _routes(drawn: Drawn, rng: random.Random, plant: str) -> str:
     return ""
 
 
+@dataclass(frozen=True)
+class Turn:
+    """Other coordinates: x = M x', u = U u', y = Y y', and ``time`` seconds as the unit of time."""
+
+    M: np.ndarray
+    U: np.ndarray
+    Y: np.ndarray
+    time: float = 1.0
+
+    def plant(self, P: icmj.LinearPlant) -> icmj.LinearPlant:
+        A, B = (np.linalg.solve(self.M, part) * self.time for part in (P.A @ self.M, P.B * self.U))
+        return icmj.LinearPlant(A, B, P.C @ self.M / self.Y[:, None], P.states, P.inputs, P.outputs)
+
+    def controller(self, law: icmj.Controller) -> icmj.Controller:
+        M, rule = self.M, law.trigger
+        turned = {
+            "Q_t": lambda Q_t: (M.T @ Q_t @ M + (M.T @ Q_t @ M).T) / 2,
+            "threshold": lambda threshold: threshold / self.Y,
+            "delta_min": lambda shortest: shortest / self.time,
+            "interval": lambda interval: interval / self.time,
+        }
+        known = [of.name for of in fields(rule) if of.name in turned]  # type: ignore[arg-type]
+        k, L = law.design.k @ M / self.U[:, None], np.linalg.solve(M, law.design.L * self.Y) * self.time
+        return icmj.Controller(
+            icmj.Design(self.plant(law.plant), k, L),
+            icmj.Hold(law.hold.name, np.linalg.solve(M, law.hold.A_h @ M) * self.time),
+            replace(rule, **{name: turned[name](getattr(rule, name)) for name in known}),  # type: ignore[type-var]
+            icmj.Delay(law.delay.t_d / self.time),
+            sampling_delay=law.sampling_delay / self.time,
+        )
+
+
+def _widen(plant: icmj.LinearPlant, law: icmj.Controller, m: int) -> tuple[icmj.LinearPlant, icmj.Controller]:
+    """The same loop beside m integrators in a chain, as place and speed are, that nothing drives or reads."""
+    names, chain, rule = tuple("pqr"[:m]), np.eye(m, k=1), law.trigger
+
+    def wider(P: icmj.LinearPlant) -> icmj.LinearPlant:
+        B, C = np.pad(P.B, ((0, m), (0, 0))), np.pad(P.C, ((0, 0), (0, m)))
+        return icmj.LinearPlant(block_diag(P.A, chain), B, C, (*P.states, *names), P.inputs, P.outputs)
+
+    design = icmj.Design(
+        wider(law.plant), np.pad(law.design.k, ((0, 0), (0, m))), np.pad(law.design.L, ((0, m), (0, 0)))
+    )
+    held = icmj.Hold(law.hold.name, block_diag(law.hold.A_h, chain * bool(law.hold.A_h.any())))
+    if isinstance(rule, icmj.EventTrigger):
+        rule = replace(rule, Q_t=np.pad(rule.Q_t, (0, m)))
+    return wider(plant), replace(law, design=design, hold=held, trigger=rule)
+
+
+def _otherwise(drawn: Drawn, rng: random.Random, turn_of: Callable[[int, int, int], Turn]) -> str:
+    """How theory and linear plant differ in other coordinates, for runs from a start state; empty if they do not."""
+    if drawn.base not in _EVENT:
+        return "skipped"
+    plain = replace(drawn, changes={**drawn.changes, "setpoint": [], "simulation.disturbance": []})
+    case, trigger = icmj.prepare(file_of(plain)), trigger_of(plain)
+    law = case.controller if trigger is None else case.controller.triggered_by(trigger)
+    plant = case.actual.linearisation.plant
+    if rng.random() < 0.5:
+        # with a delay the theory refuses neutral modes
+        plant, law = _widen(plant, replace(law, delay=icmj.Delay()), rng.choice((2, 3)))
+    turn = turn_of(plant.n, plant.n_u, plant.n_y)
+    x0, hour = np.array([plain.changes["simulation.initial"].get(name, 0.0) for name in plant.states]), turn.time
+    loops = ((plant, law, x0, 1.0), (turn.plant(plant), turn.controller(law), np.linalg.solve(turn.M, x0), hour))
+
+    def run(there: icmj.LinearPlant, of: icmj.Controller, start: np.ndarray, unit: float) -> icmj.Simulation:
+        settings = icmj.Settings(duration=drawn.duration / unit, record_interval=0.01 / unit, limit=1e9)
+        return icmj.simulate_plant(there, of, settings, x0=start)
+
+    def foretell(there: icmj.LinearPlant, of: icmj.Controller, start: np.ndarray, unit: float) -> icmj.Prediction:
+        system = icmj.error_system(there, of.design, of.hold, delay=of.delay)
+        return icmj.predict(system, of.trigger, delta_max=3.0 / unit)  # type: ignore[arg-type]
+
+    a, b = (run(*loop) for loop in loops)
+    events = replace(b.events, t=b.events.t * hour)
+    b = replace(b, t=b.t * hour, x=b.x @ turn.M.T, x_o=b.x_o @ turn.M.T, events=events)
+    words = differ(a, b, min(a.t[-1], b.t[-1]) * (1 - JUST), ROUNDING)
+    if words or law.kind != "event" or law.sampling_delay:
+        return words
+    here = foretell(*loops[0])
+    try:
+        there = foretell(*loops[1])
+    except icmj.IcmjError as error:
+        return f"the theory refuses the other: {error}"
+    told = [
+        ([(c.kind, c.direction) for c in p.crossings], [one.verdict for one in p.orbits],
+         [(mode.kind, len(mode.rates)) for mode in p.neutral], p.state_feedback_stable, p.observer_feedback_stable)
+        for p in (here, there)
+    ]  # fmt: skip
+    if told[0] != told[1]:
+        return f"the theory says {told[1]} instead of {told[0]}"
+    for c, o in zip(here.crossings, there.crossings, strict=True):
+        if abs(c.delta - o.delta * hour) > TURNED * c.delta:
+            return f"the crossing at {c.delta:.9f} s is at {o.delta * hour:.9f} s"
+    for one, other in zip(here.orbits, there.orbits, strict=True):
+        peaks = np.hstack([one.orbit.y_peak, one.orbit.u_peak])
+        others = np.hstack([other.orbit.y_peak * turn.Y, other.orbit.u_peak * turn.U])
+        if one.family is None and not np.allclose(others, peaks, rtol=TURNED, atol=TURNED * QUIET, equal_nan=True):
+            return f"peaks at {one.crossing.delta:.6f} s are {others} instead of {peaks}"
+    return ""
+
+
+def _units(drawn: Drawn, rng: random.Random, plant: str) -> str:
+    def turn(*counts: int) -> Turn:
+        x, u, y = (
+            np.array([rng.choice((180 / np.pi, 10.0 ** rng.randint(-3, 3))) for _ in range(count)]) for count in counts
+        )
+        return Turn(np.diag(x), u, y, rng.choice((1e-3, 1.0, 60.0, 3600.0)))
+
+    return _otherwise(drawn, rng, turn)
+
+
+def _coordinates(drawn: Drawn, rng: random.Random, plant: str) -> str:
+    def turn(n: int, n_u: int, n_y: int) -> Turn:
+        normal = np.random.default_rng(rng.randrange(10**6)).normal
+        one, other = (np.linalg.qr(normal(size=(n, n)))[0] for _ in range(2))
+        return Turn(one * np.geomspace(1, rng.choice((1, 3, 10)), n) @ other, np.ones(n_u), np.ones(n_y))
+
+    return _otherwise(drawn, rng, turn)
+
+
 RULES: dict[str, Callable[[Drawn, random.Random, str], str]] = {
     "later": _later,
     "longer": _longer,
@@ -584,7 +709,10 @@ RULES: dict[str, Callable[[Drawn, random.Random, str], str]] = {
     "shift": _shift,
     "plants": _plants,
     "routes": _routes,
+    "units": _units,
+    "coordinates": _coordinates,
 }
+LINEAR = ("plants", "units", "coordinates")  # the rules that are put to the linear plant only, or to both together
 
 
 @dataclass
@@ -617,7 +745,7 @@ def hunt(
     tally, begin = Tally() if tally is None else tally, time.monotonic()
     for seed in seeds:
         for rule in rules:
-            for plant in ("linear",) if rule == "plants" else ("linear", "mujoco"):
+            for plant in ("linear",) if rule in LINEAR else ("linear", "mujoco"):
                 if time.monotonic() - begin > seconds:
                     return tally
                 words = check(rule, seed, plant)

@@ -29,6 +29,11 @@ def test_rows_change_no_bit_of_a_motion_under_sinusoids(seed):
     assert check("rows", seed, "linear") == ""
 
 
+@pytest.mark.parametrize("seed", [1214, 1220])
+def test_integrators_that_nothing_reads_are_neutral_in_any_coordinates(seed):
+    assert check("coordinates", seed, "linear") == ""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "plant"), [
     (4, "linear"),  # an action at the end of the run but for rounding
