@@ -28,6 +28,7 @@ COUNTS = ("frame", "frames", "sub frame", "subframe", "sample", "samples", "inde
 LONGEST_STEP, SHORTEST_STEP = 0.3, 2e-5
 """Distances of rows beyond which times without a unit are not taken for seconds; ours: 3.3 Hz and 50 kHz."""
 _WORDS = ("time", "zeit", "temps", "tiempo", "tempo", "tid", "tijd", "timestamp", "timestamps")
+_LARGE = 1e300
 _EVEN = 1e-6  # of a step that differences may be off, beside rounding of the times to digits
 _NAME = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
@@ -123,7 +124,8 @@ class Columns:
         t = data[:, 0]
         if self.second is not None:
             return t * self.second
-        step = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+        known = t[np.abs(t) < _LARGE]
+        step = float(np.median(np.diff(known))) if len(known) > 1 else 0.0
         if not (step > LONGEST_STEP or 0 < step < SHORTEST_STEP):
             return t
         if self.rate is None or _rises(t) != "evenly":
@@ -214,9 +216,10 @@ def _second_of(name: str, unit: str) -> float | None:
 
 def _rises(values: Array) -> str:
     """``evenly`` if successive numbers differ by one step, but for rounding to digits; "" if they do not all rise."""
-    steps = np.diff(values)
-    if len(steps) < 2 or not (steps > 0).all():
+    # differences of larger numbers may overflow
+    if len(values) < 3 or not (np.abs(values) < _LARGE).all() or not (np.diff(values) > 0).all():
         return ""
+    steps = np.diff(values)
     step = (values[-1] - values[0]) / len(steps)
     off = np.abs(values - values[0] - step * np.arange(len(values))).max()
     return "evenly" if off <= max(_EVEN * step, 4 * np.spacing(np.abs(values).max())) or off < 0.1 * step else "rising"

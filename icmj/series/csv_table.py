@@ -133,6 +133,8 @@ def find_form(text: bytes) -> TableForm:
     if b"\0" in text[:LONGEST_LINE]:
         raise DataError("not text; expected CSV, Parquet (.parquet) or npz (.npz)")
     lines = [line for line in _lines(text) if line.words]
+    if not lines:  # what Python counts as blanks and bytes do not
+        raise DataError("the file is empty")
     found = [run for delimiter in ";\t, " for decimal in ".," if (run := _longest(lines, delimiter, decimal))]
     if not found:
         last = one_line(lines[-1].words, 60)
@@ -240,14 +242,20 @@ def _decide(best: _Run, found: Sequence[_Run], lines: Sequence[_Line]) -> _Run:
 
 
 def _refuse_earlier_table(run: _Run, above: Sequence[_Line]) -> None:
-    """Rows before the table that look like its own belong to another, or are lost by a line between them."""
-    kinds = run.kinds()
+    """Rows before the table that look like its own belong to another, or are lost by a line between them; one is a key.
+
+    Raises:
+        DataError: if there are several.
+    """
+    kinds, alike = run.kinds(), []
     for line in above:
-        if run.delimiter not in line.words and run.delimiter != " ":
-            continue
-        row = _fields(line, run.delimiter)
+        row = _fields(line, run.delimiter) if run.delimiter in line.words or run.delimiter == " " else ()
         if len(row) == run.width > 1 and tuple(_is_number(cell, run.decimal) for cell in row) == kinds:
-            raise DataError(f"line {line.number} is a row, and a table begins in line {run.lines[0].number}; save one")
+            alike.append(line.number)
+    if len(alike) > 1:
+        raise DataError(
+            f"lines {alike[0]} to {alike[-1]} are rows, and a table begins in line {run.lines[0].number}; save one"
+        )
 
 
 def _name(run: _Run, above: Sequence[_Line]) -> tuple[tuple[str, ...], tuple[str, ...], bool]:
@@ -266,7 +274,7 @@ def _name(run: _Run, above: Sequence[_Line]) -> tuple[tuple[str, ...], tuple[str
             names, units = higher, tuple(name.strip("[]() ") for name in (*names, *nothing))[: run.width]
     if any(_is_number(name, run.decimal) for name in names):
         return nothing, nothing, False
-    if names[0] == _MARKERS and 3 * (len(names) - 1) == run.width:
+    if names[:1] == (_MARKERS,) and 3 * (len(names) - 1) == run.width:
         return tuple(f"{name}.{axis}" for name in names[1:] for axis in "xyz"), nothing, False
     if len(names) > run.width and not any(names[run.width :]):
         names = names[: run.width]
@@ -276,7 +284,7 @@ def _name(run: _Run, above: Sequence[_Line]) -> tuple[tuple[str, ...], tuple[str
     elif len(names) == run.width - 1 and len(names) > 0 and counts:
         return ("", *names), ("", *units)[: run.width] if any(units) else nothing, True
     if len(names) == run.width:
-        return names, units, counts and not names[0] and any(names)
+        return names, units, counts and any(names) and not names[0]
     # a single word, or a sentence between blanks, is a title
     if len(names) > 1 and run.delimiter != " ":
         raise DataError(
@@ -294,7 +302,8 @@ def _split_names(line: _Line, run: _Run) -> tuple[str, ...]:
     if run.delimiter == " ":
         joined = tuple(" ".join(part.split()) for part in _SPLIT.findall(words))
         return joined if len(joined) == run.width else tuple(re.split(r"\s{2,}|\t", words))
-    return _fields(plain, run.delimiter)
+    blanks = tuple(words.split()) if not set(words) & set(";\t,") else ()
+    return blanks if len(blanks) == run.width else _fields(plain, run.delimiter)
 
 
 def _counts_rows(cells: Sequence[str]) -> bool:

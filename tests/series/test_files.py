@@ -105,6 +105,7 @@ def test_a_table_without_header_and_times_takes_a_rate(tmp_path):
 HOSTILE = {
     "nothing": (b"", "the file is empty"),
     "blank": (b" \n\n", "the file is empty"),
+    "blank for text": (b"\x1c", "the file is empty"),
     "binary": (b"RRF2\0\0\0" * 50, "not text"),
     "prose": (b"once upon a time\nthere was a table\n", "no rows of numbers in its first 2 lines"),
     "one long line": (b"1," * 200_000, "line 1 has more than"),

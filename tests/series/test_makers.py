@@ -60,6 +60,11 @@ READ = {
     "a separator at each end, of names, too": table(HEAD + ",", ROWS, end=","),
     "numbers of rows without a name": table(HEAD, [(f'"{i + 1}"', *row) for i, row in enumerate(ROWS)]),
     "an index": table("," + HEAD, [(str(i), *row) for i, row in enumerate(ROWS)]),
+    "a row of numbers before it": "3000,100,1\n" + table(HEAD, ROWS),
+    "names between blanks, numbers between tabs": table("t ap[mm] ml[mm]", ROWS, "\t"),
+    "a separator line of spreadsheets": "sep=;\n" + table(COMMAS, ROWS, ";", ","),
+    "marks of events": table(HEAD + ",event", [(*row, "" if i else "start") for i, row in enumerate(ROWS)]),
+    "names of the tool above": ("Version 5\n\nabs time (s)\tap\tml\ns\tmm\tmm\n" + table(None, ROWS, "\t")),
     "times in another language": table("Zeit [s],ap [mm],ml [mm]", ROWS),
     "times of a long name": table("abs time (s),ap [mm],ml [mm]", ROWS),
     "a unit in the name of the times": table("time_ms,ap [mm],ml [mm]", whole(10)),
@@ -76,6 +81,7 @@ LEFT = {
     "a second column of times": "time since start, which counts rows or time",
     "numbered frames": "frame, which counts rows or time",
     "a column of text": "eyes, which is text",
+    "marks of events": "event, which is text",
 }
 
 
@@ -132,7 +138,7 @@ ASKED = {
         table(HEAD, [(t, "gap" if i == 3 else a, m) for i, (t, a, m) in enumerate(ROWS)]), "ap: 'gap' is no number"
     ),
     "fewer names than columns": (table("ap,ml", ROWS), "line 1 has 2 names, the rows below it have 3 columns"),
-    "two tables": (table(HEAD, ROWS[:20]) + "\n" + table(HEAD, ROWS[20:]), "line 2 is a row, and a table begins in"),
+    "two tables": (table(HEAD, ROWS[:20]) + "\n" + table(HEAD, ROWS[20:]), "lines 2 to 21 are rows, and a table"),
     "commas of two kinds": (
         table("ap,ml", [(f"{i % 9},{i % 10}{i % 7}", f"{i % 8},{i % 7}{i % 4}") for i in range(N)]),
         "commas separate columns, or whole numbers from decimals",
