@@ -112,7 +112,7 @@ HOSTILE = {
     "no times": (b"a,b\n1,2\n3,4\n", "no column of times (t, time); say with --rate"),
     "times alone": (b"t\n1\n2\n", "no column of numbers beside the times"),
     "falling times": (b"t,a\n0,1\n1,1\n0.5,1\n", "times do not rise at row 3"),
-    "missing times": (b"t,a\n0,1\n1,2\n,1\n", "times do not rise at row 3"),
+    "missing times": (b"t [s],a\n0,1\n1,2\n,1\n", "times do not rise at row 3"),
     "hours": (b"t [h],a\n0,1\n1,2\n", "times in 'h'"),
     "twice": (b"t,a,a\n0,1,2\n1,1,2\n", "several signals are called a"),
     "ragged": (b"t,a\n0,1\n1,2\n2\n", "not a table of numbers after line 2"),
