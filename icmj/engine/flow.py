@@ -73,19 +73,19 @@ class Stand:
     Attributes:
         t: now [s].
         history, now: of the controller.
-        state: (qpos, qvel, act) of the engine.
+        state: of the engine, (qpos, qvel, act, plastic).
     """
 
     t: float
     history: History
     now: ControllerState
-    state: tuple[Array, Array, Array]
+    state: tuple[Array, Array, Array, Array]
 
     def data(self, model: mujoco.MjModel) -> mujoco.MjData:
         """The engine's data there."""
         data = mujoco.MjData(model)
         data.time = self.t
-        data.qpos[:], data.qvel[:], data.act[:] = self.state
+        data.qpos[:], data.qvel[:], data.act[:], data.plastic[:] = self.state
         return data
 
 
@@ -196,7 +196,8 @@ class Flow:
         """A copy of the present progress, with the engine's state."""
         history, now = copy_of(self.history, self.now)
         data = self.data
-        return Stand(float(data.time), history, now, (data.qpos.copy(), data.qvel.copy(), data.act.copy()))
+        state = data.qpos.copy(), data.qvel.copy(), data.act.copy(), data.plastic.copy()
+        return Stand(float(data.time), history, now, state)
 
 
 def _taps_of(loop: ComposedLoop) -> Taps:
@@ -252,7 +253,7 @@ def _track_of(loop: ComposedLoop, t: float) -> EngineTrack:
     return EngineTrack(
         t=np.array([t, t, t, 0.0]), marks=np.array([-1, 0, 0, 0, 0, 0]),
         at=np.zeros(samples), y=np.zeros((samples, loop.n_y + own)), states=np.zeros((samples, loop.width)),
-        near=np.zeros(samples, np.int64), begin=np.zeros(model.nq + model.nv + model.na),
+        near=np.zeros(samples, np.int64), begin=np.zeros(model.nq + model.nv + model.na + model.nplastic),
         curves=np.zeros((loop.n_y + own, POWERS)),
     )  # fmt: skip
 

@@ -1,14 +1,18 @@
 """Any hybrid controller in MuJoCo: against the linear plant where the sway is small, and against the event loops."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hybrid_cases import NAMES, START, Bare, Given, body, law, laws, plant
+from model_cases import written
+from tapped_cases import PERSON
 
 import icmj
 from icmj.controller.realisation import Layout, Mode, Realisation
 from icmj.engine.composition import goes_by_steps
+from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
 from icmj.linear.run import simulate_tapped as linear_simulate
 from icmj.simulation.settings import Settings, start_states
@@ -117,6 +121,19 @@ def test_the_intermittent_controller_is_what_the_event_loops_give(file, timestep
     assert other.events.t == pytest.approx(one.events.t, abs=bound)
     assert np.abs(other.events.y_max - one.events.y_max).max() <= 10 * bound
     assert np.isfinite(other.precision["output_error"])
+
+
+def test_a_stretch_that_is_flown_again_begins_with_what_springs_had_yielded(tmp_path: Path) -> None:
+    """Step by step only a step is undone. Yielding is taken up once a step, so both err as a step is to the run."""
+    text = PERSON.replace("stiffness=", 'springyield="0.002" stiffness=')
+    yielding = load_plant(written(tmp_path, text))
+    settings = Settings(duration=0.6, timestep=1e-4, record_interval=0.1)
+    own = lagging(wait=0.05, R=np.array([[0.12]]), cuts=np.array([0, 1]))
+    steps, stretches = (
+        simulate(yielding, of, settings, x0=START, error_estimate=False) for of in (own, Later(own))
+    )  # fmt: skip
+    assert len(steps.events) == len(stretches.events) > 2
+    assert np.abs(steps.x[-1] - stretches.x[-1]).max() < 1e-4 / 0.6 * np.abs(steps.x).max()
 
 
 def test_a_tighter_tolerance_converges() -> None:

@@ -81,9 +81,9 @@ _SHORT = 1e-6  # s; what stretches of that length do is straight
 
 @exact
 def _get(engine, state):  # type: ignore[no-untyped-def]
-    """Copy the engine's state (qpos, qvel, act)."""
+    """Copy the engine's state (qpos, qvel, act, and what springs have yielded)."""
     at = 0
-    for part in (engine.qpos, engine.qvel, engine.act):
+    for part in (engine.qpos, engine.qvel, engine.act, engine.plastic):
         for i in range(len(part)):
             state[at + i] = part[i]
         at += len(part)
@@ -93,7 +93,7 @@ def _get(engine, state):  # type: ignore[no-untyped-def]
 def _put(engine, state, t):  # type: ignore[no-untyped-def]
     """Move the engine to a state and a time."""
     at = 0
-    for part in (engine.qpos, engine.qvel, engine.act):
+    for part in (engine.qpos, engine.qvel, engine.act, engine.plastic):
         for i in range(len(part)):
             part[i] = state[at + i]
         at += len(part)
