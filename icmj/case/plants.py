@@ -320,7 +320,7 @@ def actual_plant(run: RunFile, assumed: AnyPlant) -> AnyPlant:
     if selection.states is None and not selection.drop:
         dropped = set(_idle(actual.linearisation.plant, _find_omitted(assumed)))
         if dropped:
-            actual = load(replace(selection, drop=tuple(dropped)))
+            actual = load(replace(selection, drop=(*_find_omitted(actual), *dropped)))
     return actual
 
 

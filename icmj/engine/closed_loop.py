@@ -185,9 +185,9 @@ class ComposedLoop:
         else:
             for departure, q in zip(position, qpos, strict=True):
                 mujoco.mj_differentiatePos(self.model, departure, 1.0, point.qpos, np.ascontiguousarray(q))
-        x, kept = np.hstack([position, qvel - point.qvel, act - point.act]), self.plant.linearisation.ports.states
+        x = np.hstack([position, qvel - point.qvel, act - point.act])
         x_o, x_h = (a[:, layout[name] if has_trigger(self.controller) else slice(0, 0)] for name in ("x_o", "x_h"))
-        return States(x[:, kept], x_o, x_h, self.y(y))
+        return States(self.plant.linearisation.ports.kept(x), x_o, x_h, self.y(y))
 
     def y(self, sensordata: Array) -> Array:
         """The readings of the controller, as deviations from the operating point, shape (..., n_y)."""

@@ -21,7 +21,7 @@ Linearisation of an MJCF plant by centred finite differences of ``mj_forward``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import mujoco
 import numpy as np
@@ -47,6 +47,7 @@ from icmj.engine.safety import isolate_engine
 from icmj.errors import ModelError, SimulationError
 from icmj.plant.body import Selection
 from icmj.plant.linear_plant import LinearPlant, Push, vector
+from icmj.plant.quality import IDLE
 from icmj.simulation.disturbance import Pushes
 
 
@@ -61,6 +62,9 @@ class Ports:
         g, beta: gains and biases of the outputs, shape (n_y,).
         states: of the model's (nv positions, nv velocities, na activations), of each state, shape (n,).
         size: how many states the model has.
+        left: positions that are left out and on which nothing depends if others go along, such as the heading of a body
+            that is not quite upright; shape (k,).
+        still: these directions, 1 at the position itself, shape (k, size).
     """
 
     actuators: np.ndarray
@@ -70,10 +74,17 @@ class Ports:
     beta: Array
     states: np.ndarray
     size: int
+    left: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    still: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def read(self, sensordata: Array) -> Array:
         """Outputs without bias, shape (..., n_y)."""
         return self.g * sensordata[..., self.entries]
+
+    def kept(self, z: Array) -> Array:
+        """The plant's states from the model's, shape (..., n), without what goes along with those left out."""
+        z = z - z[..., self.left] @ self.still if len(self.left) else z
+        return z[..., self.states]
 
     def whole(self, x: Array) -> Array:
         """The model's states from the plant's, shape (..., size); what the plant leaves out is zero."""
@@ -374,9 +385,12 @@ def linearise(
     point = point or operating_point(model, keyframe)
     found = differences(model, point, step_of(model, point) if eps is None else eps)
     rows, columns, kept = ports.entries, ports.actuators, ports.states
+    V = still(found.A, np.setdiff1d(np.arange(model.nv), kept), kept[kept < model.nv])
+    V = {i: v for i, v in V.items() if np.abs(found.C[rows] @ v).max(initial=0.0) <= IDLE * np.abs(found.C).max()}
+    ports = replace(ports, left=np.array([*V], dtype=int), still=np.array([*V.values()]).reshape(len(V), ports.size))
     plant = LinearPlant(
-        found.A[np.ix_(kept, kept)],
-        found.B[np.ix_(kept, columns)] * ports.b,
+        np.ascontiguousarray(ports.kept(found.A[:, kept].T).T),
+        np.ascontiguousarray(ports.kept(found.B[:, columns].T).T) * ports.b,
         found.C[np.ix_(rows, kept)] * ports.g[:, None],
         *(
             _pick(of(model), at)
@@ -390,6 +404,19 @@ def linearise(
     D = found.D[np.ix_(rows, columns)] * ports.b * ports.g[:, None]
     y = ports.read(found.sensordata)
     return Linearisation(plant, point, y, float(np.abs(found.rate).max()), ports, D)
+
+
+def still(A: Array, outside: np.ndarray, inside: np.ndarray) -> dict[int, Array]:
+    """The directions v with A v = 0 of positions ``outside`` a plant that are none alone, with others ``inside``."""
+    size, found = np.abs(A).max(initial=0.0), {}
+    for i in map(int, outside):
+        if np.abs(A[:, i]).max() <= IDLE * size:
+            continue
+        v = np.zeros(len(A))
+        v[i], v[inside] = 1.0, np.linalg.lstsq(A[:, inside], -A[:, i], rcond=IDLE)[0]
+        if np.abs(A @ v).max() <= IDLE * size:
+            found[i] = v
+    return found
 
 
 def step_of(model: mujoco.MjModel, point: OperatingPoint) -> float:

@@ -150,7 +150,7 @@ class EngineCourse:
         self.cuts: tuple[float, ...] = (0.0, delay, length) if 0 < delay < length else (0.0, length)
         self._layout, self._controls = layout_of(self.controller), realise(self.controller)
         self._held = self._holds(a)
-        self._kept = loop.plant.linearisation.ports.states
+        self._ports = loop.plant.linearisation.ports
         self._nq, self._nv, self._na = loop.model.nq, loop.model.nv, loop.model.na
         splines = []
         for low, high in zip(self.cuts, self.cuts[1:], strict=False):
@@ -208,7 +208,7 @@ class EngineCourse:
         """
         if self._nq != self._nv:
             raise CycleError("the equation of variation is written for joints that turn about one axis, and slides")
-        kept, K = self._kept, self._controls.K
+        kept, K = self._ports.states, self._controls.K
         n, size = len(kept), len(kept) + K.shape[1]
         rows = self._whole(t, part)[:, : self._nq + self._nv + self._na]
         first = self._nq + self._nv + self._act.start
@@ -230,7 +230,7 @@ class EngineCourse:
         """d/dt of (x, a) at all ``rows``, moved by each of ``moves``; shapes (T, w), (m, w) → (T, m, n + N_a)."""
         rates = self._flight.rates(rows, moves)
         x, a = rates[..., : 2 * self._nv + self._act.start], rates[..., 2 * self._nv :]
-        return np.concatenate([x[..., self._kept], a[..., self._act]], axis=-1)
+        return np.concatenate([self._ports.kept(x), a[..., self._act]], axis=-1)
 
 
 def _flown(flight: EngineOpenLoop, x: Array, a: Array, length: float) -> Array:

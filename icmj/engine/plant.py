@@ -35,6 +35,7 @@ from icmj.engine.linearisation import (
     places,
     ports_of,
     step_of,
+    still,
 )
 from icmj.engine.model import (
     Models,
@@ -165,7 +166,8 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
 
     def matrices(found: Differences) -> tuple[Array, Array, Array]:
         """A, B and C at unit gains of the ports, which change nothing relative."""
-        return found.A[np.ix_(kept, kept)], found.B[np.ix_(kept, columns)], found.C[np.ix_(rows, kept)]
+        A, B = (ports.kept(of[:, at].T).T for of, at in ((found.A, kept), (found.B, columns)))
+        return np.ascontiguousarray(A), np.ascontiguousarray(B), found.C[np.ix_(rows, kept)]
 
     A, B, C = (_error(*pair) for pair in zip(matrices(whole), matrices(half), strict=True))
     names = plant.states, plant.inputs, plant.outputs
@@ -470,7 +472,7 @@ def load_plant(
             MujocoPlant(path, spec, linearise(model, ports=ports, point=point), told, muscles, models)
             for point in points
         )
-        plants = (_without(plant, model, chosen, deviation) for plant in raw)
+        plants = (_say_along(_without(plant, model, chosen, deviation), model) for plant in raw)
         first = next(plants)
         plant = _best(first, plants) if rule.kind in ("balance", "found") else first
         check_plant(path, plant.linearisation.plant)
@@ -524,16 +526,19 @@ def _best(first: MujocoPlant, others: Iterator[MujocoPlant]) -> MujocoPlant:
 
 def _without(plant: MujocoPlant, model: mujoco.MjModel, chosen: Selection, deviation: Deviation | None) -> MujocoPlant:
     """The plant without the dropped states, and without spare outputs that show them; with notices of idle ones."""
-    linear = plant.linearisation.plant
+    linear, found = plant.linearisation.plant, plant.linearisation.ports
     drop = chosen.drop
     if not drop and chosen.states is None:
-        drop = adrift(linear)
+        drop = adrift(linear, np.flatnonzero(found.states < model.nv))
         # whatever an input does to what affects no rate and no output, without it the rest is as it is
         shown = dict(zip(linear.states, np.abs(linear.C).max(axis=0) > 0, strict=True))
         unseen = tuple(name for name in idle(linear) if name not in drop and not shown[name])
         drop += unseen if unseen and plant.quality.undecided else ()
     there = [linear.states.index(name) for name in drop if name in linear.states]
-    shown = np.abs(linear.C[:, there]).max(axis=1, initial=0.0) > 1e-9
+    V, positions = np.eye(linear.n)[:, there], np.flatnonzero(found.states < model.nv)
+    for i, v in still(linear.A, np.intersect1d(there, positions), np.setdiff1d(positions, there)).items():
+        V[:, there.index(i)] = v
+    shown = np.abs(linear.C @ V).max(axis=1, initial=0.0) > 1e-9
     if not there or (shown.any() and not chosen.spare):
         return plant
     outputs = chosen.outputs
@@ -543,6 +548,18 @@ def _without(plant: MujocoPlant, model: mujoco.MjModel, chosen: Selection, devia
     ports = ports_of(model, replace(chosen, outputs=outputs, drop=drop), deviation)
     kept = replace(plant, linearisation=linearise(model, ports=ports, point=plant.linearisation.point))
     return kept if chosen.drop else replace(kept, told=(*plant.told, notice_omission(linear, drop)))
+
+
+def _say_along(plant: MujocoPlant, model: mujoco.MjModel) -> MujocoPlant:
+    """The plant, with a notice of what goes along with states that are left out."""
+    names, ports = state_names(model), plant.linearisation.ports
+    told = []
+    for i, v in zip(ports.left, ports.still, strict=True):
+        far = [j for j in np.argsort(-np.abs(v), kind="stable") if j != i and abs(v[j]) > 1e-6]
+        others = "".join(f" {'-' if v[j] < 0 else '+'} {abs(v[j]):.2g} {names[j]}" for j in far)
+        words = f"with {names[i]} the direction {names[i]}{others} is left out, on which nothing depends"
+        told.append(Notice("dropped state", "warning", words))
+    return replace(plant, told=(*plant.told, *told)) if told else plant
 
 
 _UNITS = {mujoco.mjtJoint.mjJNT_HINGE: "rad", mujoco.mjtJoint.mjJNT_SLIDE: "m"}

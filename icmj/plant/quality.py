@@ -67,6 +67,8 @@ def permit(notices: Iterable[Notice], allow: Iterable[str], where: str) -> tuple
 
 # of the plant's size: finite differences err by 1e-9, and a double integrator's eigenvalues by the root of that
 _RANK, _NEUTRAL, _SHARE = 1e-7, 1e-4, 0.1
+IDLE = 1e-8
+"""Largest effect of what affects nothing, relative to the largest entry of A."""
 
 
 @dataclass(frozen=True)
@@ -111,14 +113,15 @@ def idle(plant: LinearPlant) -> tuple[str, ...]:
     """States on which no rate depends, such as a place on a level floor."""
     size = np.abs(plant.A).max(initial=0.0)
     return tuple(
-        name for name, column in zip(plant.states, plant.A.T, strict=True) if np.abs(column).max() < 1e-8 * size
+        name for name, column in zip(plant.states, plant.A.T, strict=True) if np.abs(column).max() < IDLE * size
     )
 
 
-def adrift(plant: LinearPlant) -> tuple[str, ...]:
+def adrift(plant: LinearPlant, positions: np.ndarray | None = None) -> tuple[str, ...]:
     """States on which no rate depends and that no input brings back: where on a level floor a body stands.
 
-    Without them the plant has no such mode.
+    Without them the plant has no such mode. Of the states with the numbers ``positions`` also the largest in each
+    direction of them on which no rate depends, such as the heading of a body that is not quite upright.
     """
     kept = _constants(plant, _RANK)
     found: list[str] = []
@@ -128,6 +131,15 @@ def adrift(plant: LinearPlant) -> tuple[str, ...]:
             continue
         found.append(name)
         # what else never changes, once this state is gone
+        kept = np.linalg.svd(w[None, :])[2][1:] @ kept
+    still = idle(plant)
+    among = [int(i) for i in (() if positions is None else positions) if plant.states[i] not in still]
+    while among:
+        _, values, V = np.linalg.svd(plant.A[:, among])
+        w = kept[:, among] @ V[-1]
+        if values[-1] > IDLE * np.abs(plant.A).max() or np.linalg.norm(w) < _RANK:
+            break
+        found.append(plant.states[among.pop(leading(np.abs(V[-1])))])
         kept = np.linalg.svd(w[None, :])[2][1:] @ kept
     return tuple(found)
 
