@@ -176,11 +176,12 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
     feedthrough = [
         name for name, row in zip(plant.outputs, linearisation.D, strict=True) if np.abs(row).max() > _D * mobile
     ]
+    kinks = tuple(_kinks(model, linearisation, whole, half))
     return Quality(
         residual=_residual(model, whole),
         moving=tuple(state_names(model)[i] for i in np.flatnonzero(np.abs(point.qvel) > 1e-9)),
         errors=(A, B, C),
-        kinks=tuple(_kinks(model, linearisation, whole, half)),
+        kinks=kinks,
         friction=tuple(_rubbing(model, linearisation)),
         margins=tuple(_margins(model, linearisation)),
         room=tuple(_room(model, linearisation)),
@@ -193,7 +194,7 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
         dead=quality.dead(plant, _NO_SLOPE * mobile),
         step_effect=quality.compare_steps(slow, quick, float(model.opt.timestep)),
         raised=tuple(dict.fromkeys(_raised(model, linearisation))),
-        undecided=quality.undecided(plant, max(A, B)),
+        undecided=() if kinks else quality.undecided(plant, max(A, B)),
     )
 
 

@@ -332,7 +332,8 @@ class Quality:
         dead: inputs that move nothing.
         step_effect: the dependence of the plant on the model's time step, where it is noticeable.
         raised: constraints that are softer than stated because of that step.
-        undecided: states on which nothing depends, of which the derivatives do not tell whether an input moves them.
+        undecided: states on which nothing depends, of which the derivatives, without a kink, do not tell whether an
+            input moves them.
     """
 
     residual: Residual
