@@ -13,7 +13,8 @@ iff that is stable, and this departure is not a crossing. The functions are made
 circle (:mod:`icmj.theory.circle`), represented by Chebyshev interpolants on panels, halved until the coefficients
 have decayed; all their zeros on a panel follow from a colleague matrix. Zeros close together are zoomed into until they
 separate. Then the crossings found must explain the change in the number of eigenvalues outside the circle over each
-panel, or the panel is halved again; what the shortest panels leave unexplained is part of the result.
+panel, or the panel is halved again; what the shortest panels leave unexplained is part of the result, and so is where
+two panels disagree on that number.
 
 The search counts time in a unit of its own, so that bounds hold of a plant in any unit of time: a power of two, which
 changes no digit, near a third of the interval searched.
@@ -154,6 +155,7 @@ class _Finder:
         tails = np.full(_PANELS, np.inf)
         found: list[Crossing] = []
         unexplained: list[tuple[float, float, int]] = []
+        edges: list[tuple[float, float, int]] = []
         taken = 0
         for depth in range(_DEPTH + 1):
             taken += len(left)
@@ -184,6 +186,8 @@ class _Finder:
                     here = rough if explained == change else here
                 if depth == _DEPTH or explained == change:
                     found += here
+                    for edge, count in ((left[m], beyond[m, 0]), (left[m] + width, -beyond[m, 1])):
+                        edges.append((float(edge), float(edge), int(count)))
                     if explained != change:
                         unexplained.append((float(left[m]), float(left[m] + width), change - explained))
                 else:
@@ -195,9 +199,13 @@ class _Finder:
             width /= 2
             left = np.column_stack([halve, halve + width]).reshape(-1)
             tails = np.repeat(decay[~resolved], 2)
+        # by rounding two panels may disagree on the number outside where they meet, and in places again and again
+        inner = [edge for edge in edges if start < edge[0] - width / 2 < end - width]
+        unexplained += _join(_join(inner), (end - start) / _CROWD)
+        unresolved = tuple((first, last) for first, last, _ in _join(unexplained))
         found = [c for c in found if start < c.delta <= end]
         apart = tuple(distinct(sorted(found, key=lambda c: c.delta), self.resolution))
-        return Search(apart, float(end), _join(unexplained))
+        return Search(apart, float(end), unresolved)
 
     def _clear(self, end: float) -> float:
         """``end``, or the last Δ before it at which φ has not outgrown its rounding."""
@@ -321,19 +329,19 @@ class _Finder:
         return {"rising" if step > 0 else "falling": abs(step)} if step else {"tangent": at.count}
 
 
-def _join(parts: list[tuple[float, float, int]]) -> tuple[tuple[float, float], ...]:
-    """Parts (first, last, count unexplained) that touch as one, without those whose counts cancel.
+def _join(parts: list[tuple[float, float, int]], apart: float = 0.0) -> list[tuple[float, float, int]]:
+    """Parts (first, last, count unexplained) that touch, or are so far apart, as one, but those whose counts cancel.
 
     An eigenvalue that is on the circle to rounding where two panels meet is one too many in one, and one too few in the
     other.
     """
     joined: list[tuple[float, float, int]] = []
     for first, last, count in sorted(parts):
-        if joined and first <= joined[-1][1] * (1 + 1e-12):
+        if joined and first <= joined[-1][1] * (1 + 1e-12) + apart:
             begin, _, before = joined.pop()
             first, count = begin, before + count
         joined.append((first, last, count))
-    return tuple((first, last) for first, last, count in joined if count)
+    return [part for part in joined if part[2]]
 
 
 REACH = 4

@@ -11,6 +11,8 @@ from theory_cases import SHIPPED, dip, pair_of_holds, random_systems, shipped, s
 from icmj import Delay, EventTrigger, LinearPlant, error_system, predict
 from icmj.controller.design import design_lq, system_matched, zero_order
 from icmj.errors import AnalysisError, DesignError
+from icmj.theory import crossings as search_module
+from icmj.theory.circle import outside
 from icmj.theory.crossings import _join, search
 from icmj.theory.error_system import ErrorSystem
 
@@ -224,8 +226,22 @@ def test_nothing_is_unresolved_of_a_shipped_case(case):
 
 def test_parts_that_cancel_or_touch_are_one():
     parts = [(0.2, 0.3, -1), (0.1, 0.2, 1), (0.5, 0.6, 1), (0.6, 0.7, 1), (0.9, 1.0, -2)]
-    assert _join(parts) == ((0.5, 0.7), (0.9, 1.0))
-    assert _join([]) == ()
+    assert _join(parts) == [(0.5, 0.7, 2), (0.9, 1.0, -2)]
+    assert _join([]) == []
+    flicker = [(0.1, 0.1, 1), (0.15, 0.15, -1), (0.18, 0.18, 1), (0.5, 0.5, 1)]
+    assert _join(flicker, 0.06) == [(0.1, 0.18, 1), (0.5, 0.5, 1)]
+
+
+def test_an_eigenvalue_that_passes_the_circle_between_two_panels_is_not_lost(monkeypatch):
+    """By rounding it may be inside where one panel ends and outside where the next begins: the change is on neither."""
+
+    def passing(g, delta):
+        return outside(g, delta) + (delta[:, :1] >= 0.75)  # panels end every 0.375 s
+
+    monkeypatch.setattr(search_module, "outside", passing)
+    found = search(shipped("b=0.8"), 3.0)
+    assert [c.kind for c in found.crossings] == ["+1"]
+    assert found.unresolved == ((0.75, 0.75),)
 
 
 def test_what_is_unresolved_is_a_remark():
