@@ -40,7 +40,7 @@ import icmj
 from icmj.case.plants import linear_plant
 from icmj.controller.controller import has_trigger
 from icmj.measurement.sway import measure_sway
-from icmj.simulation.settings import reseeded
+from icmj.simulation.settings import reseed
 
 GROWTH = 1e5  # of a difference, from one event to the next
 ROUNDING = 1e-12  # s, of an event on either plant
@@ -560,7 +560,7 @@ def _routes(drawn: Drawn, rng: random.Random, plant: str) -> str:
     settings = case.settings
     if way == "many":
         settings = replace(settings, duration=settings.duration)
-        case = replace(case, settings=reseeded(settings, 7))
+        case = replace(case, settings=reseed(settings, 7))
     expected = _signals(icmj.simulate(case, plant))
     if way == "parts":
         there = linear_plant(case.actual, case.settings) if plant == "linear" else case.actual

@@ -354,7 +354,7 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
         SimulationError: if a disturbance needs another controller.
     """
     expect(run, RunFile, "prepare")
-    run = run.drawn()
+    run = run.resolve()
     known = like if like and like.run.assumed == run.assumed and like.run.path == run.path else None
     assumed = known.assumed if known else assumed_plant(run)
     actual = known.actual if known and known.run.actual == run.actual else actual_plant(run, assumed)
@@ -393,7 +393,7 @@ def revise(case: Case, run: RunFile) -> Case:
     """
     known = case.run
     expect_known(run, run.simulation.duration, known.simulation.duration)
-    run = run.drawn()
+    run = run.resolve()
     if not run.has_events:
         return prepare(run, like=case)
     law = expect_rule(case, what := "a case with an event rule")

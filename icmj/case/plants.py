@@ -413,7 +413,7 @@ def setpoint_of(run: RunFile, assumed: LinearPlant) -> Setpoint | None:
     Raises:
         RunFileError, AnalysisError: if a file of it cannot be read, or the assumed plant has no such set-point.
     """
-    return setpoint(assumed, make_targets(run.drawn().setpoint, run.simulation.duration, run.path))
+    return setpoint(assumed, make_targets(run.resolve().setpoint, run.simulation.duration, run.path))
 
 
 def make_design(plant: LinearPlant, weights: Weights) -> Design:

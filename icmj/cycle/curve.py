@@ -173,7 +173,7 @@ class ReturnMaps:
         weights = (self._bare(run), run.design)
         design = self._once("design", weights, lambda: make_design(assumed.linearisation.plant, run.design))
         controller = replace(run.intermittent.law(parts_of(run, assumed.linearisation.plant, design)), setpoint=None)
-        settings = run.drawn().simulation.settings()
+        settings = run.resolve().simulation.settings()
         if longest is not None:
             settings = replace(settings, duration=longest)
         if self.plant == "linear":

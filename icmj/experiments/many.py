@@ -21,7 +21,7 @@ from icmj.runfile.schema import RunFile
 from icmj.runfile.table import short
 from icmj.series.interpolation import NEAR
 from icmj.series.series import Series
-from icmj.simulation.settings import MOST_ROWS, Settings, reseeded
+from icmj.simulation.settings import MOST_ROWS, Settings, reseed
 from icmj.simulation.simulation import Simulation
 from icmj.work.workers import Task, Workers, processes
 
@@ -62,7 +62,7 @@ class Batch(WithCard):
     def case(self, index: int) -> Case:
         """The case of one of these runs, which can be simulated again with its complete record."""
         case = _vary(self.base, {key: values[index].item() for key, values in self.varied.items()})
-        return replace(case, settings=reseeded(case.settings, int(self.seeds[index])))
+        return replace(case, settings=reseed(case.settings, int(self.seeds[index])))
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
@@ -175,7 +175,7 @@ def _some(
     told, base = _Results([], {}), like or replace(LAST.get(run), **parts)
     for index, seed in enumerate(seeds):
         case = _vary(base, {key: values[index].item() for key, values in varied.items()})
-        case = replace(case, settings=reseeded(case.settings, int(seed)))
+        case = replace(case, settings=reseed(case.settings, int(seed)))
         if callable(keep) or plant != "linear":
             found = simulate(case if callable(keep) else _record_steps(case), plant)
         else:  # without the centre of pressure, which nobody asks for

@@ -187,10 +187,10 @@ def train_choice(
     seen = SeenSummaries.of(S, summary_names)
     targets = np.tile(np.eye(m), (n, 1))
     kept = m * (n - int(_HELD_OUT * n))
-    held = targets[kept:], seen.drawn(S[kept:], np.random.default_rng((seed, 4)))
+    held = targets[kept:], seen.draw_pooled(S[kept:], np.random.default_rng((seed, 4)))
 
     def rows(generator: np.random.Generator) -> tuple[Array, Array]:
-        return targets[:kept], seen.drawn(S[:kept], generator)
+        return targets[:kept], seen.draw_pooled(S[:kept], generator)
 
     network = train("classifier", rows, held, seed, epochs=epochs, progress=progress)
     logits, right = network.logits(held[1]), held[0].argmax(axis=1)

@@ -27,7 +27,7 @@ from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant, match_ports
 from icmj.runfile.schema import RunFile
 from icmj.runfile.sweep_tables import PRESSURE, FamilyFile, ParameterTable, load_family_file
-from icmj.simulation.settings import Settings, reseeded, start_states
+from icmj.simulation.settings import Settings, reseed, start_states
 from icmj.theory.delay_roots import count_unstable, loops_of
 from icmj.work.folder import fingerprint_of
 
@@ -152,7 +152,7 @@ class Member:
             The centre of pressure, shape (N,), or ``None`` if the member fell, the run ended early for another
             reason, or the member stood although it is ``unstable``.
         """
-        settings = reseeded(self.settings, seed)
+        settings = reseed(self.settings, seed)
         if has_trigger(self.law):
             simulator = Simulator(self.plant, self.law, settings, settings.record_interval)
             loop = simulator.loop
@@ -215,7 +215,7 @@ class Family:
         run = self.run_file(theta).with_(
             **{"simulation.duration": WARM_UP + duration, "simulation.record_interval": 1 / RATE}
         )
-        run = run.drawn()
+        run = run.resolve()
         assumed = assumed_plant(run)
         actual = actual_plant(run, assumed)
         check_names(run, assumed.linearisation.plant, actual)

@@ -450,7 +450,7 @@ def _identify(
     refine: bool,
     known: Inverse | None,
 ) -> Identification:
-    if unknown.run.drawn().simulation.settings().noisy:
+    if unknown.run.resolve().simulation.settings().noisy:
         raise IdentificationError(
             f"{unknown.run.path}: has noise, under which no interval repeats; infer {unknown.name} by icmj fit, with a "
             "family of this run file"

@@ -385,7 +385,7 @@ class SeenSummaries:
             raise FitError(f"{given.shape[1]} trials of a person; expected 1 to {self.trials}")
         return _pool(self.scaled(given), np.ones(given.shape[:2]))
 
-    def drawn(self, S: Array, generator: np.random.Generator) -> Array:
+    def draw_pooled(self, S: Array, generator: np.random.Generator) -> Array:
         """The conditions of simulations (n, K, s), each pooled over a random number of its trials."""
         n, K, _ = S.shape
         chosen = np.arange(K) < generator.integers(1, K + 1, n)[:, None]

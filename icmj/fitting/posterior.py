@@ -327,10 +327,13 @@ def train_posterior(
     kept = len(numbers) - out
     numbers, given = (np.roll(each, member * out, axis=0) for each in (numbers, given))
     apart = np.random.default_rng((seed, 4))
-    held = np.concatenate([numbers[kept:]] * 2), np.concatenate([seen.drawn(given[kept:], apart) for _ in range(2)])
+    held = (
+        np.concatenate([numbers[kept:]] * 2),
+        np.concatenate([seen.draw_pooled(given[kept:], apart) for _ in range(2)]),
+    )
 
     def rows(generator: np.random.Generator) -> tuple[Array, Array]:
-        return numbers[:kept], seen.drawn(given[:kept], generator)
+        return numbers[:kept], seen.draw_pooled(given[:kept], generator)
 
     started = seed + 1_000_003 * member
     network = train("flow", rows, held, started, epochs=epochs, depth=depth, progress=progress)

@@ -44,7 +44,7 @@ class DisturbanceTable(TomlTable):
         """The files that it reads, relative to the run file."""
         return ()
 
-    def drawn(self, code: Code, folder: Path, duration: float) -> dict[str, Any] | None:
+    def resolve(self, code: Code, folder: Path, duration: float) -> dict[str, Any] | None:
         """The same as numbers alone, for a run of ``duration`` [s] whose run file lies in ``folder``.
 
         ``None`` if it is made of numbers as it is; else the table of another kind, which a log keeps.

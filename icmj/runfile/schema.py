@@ -384,7 +384,7 @@ class RunFile(TomlTable):
         now = _MODEL_ERROR.sub(f"b = {gain}", self.case.title) if _NUMBER.fullmatch(gain) else self.case.title
         return f"{now} (changed)"
 
-    def drawn(self) -> RunFile:
+    def resolve(self) -> RunFile:
         """The same run file, with what user code draws and columns of files replaced by numbers, which a log keeps.
 
         Raises:
@@ -396,7 +396,7 @@ class RunFile(TomlTable):
         shaped |= {f"setpoint[{i}]": table for i, table in enumerate(self.setpoint)}
         given = self.code, self._path.parent, self.simulation.duration
         try:
-            drawn = {key: one for key, table in shaped.items() if (one := table.drawn(*given)) is not None}
+            drawn = {key: one for key, table in shaped.items() if (one := table.resolve(*given)) is not None}
         except RunFileError as error:
             raise RunFileError(f"{self._path}: {error}") from error
         return self._with(drawn) if drawn else self

@@ -50,8 +50,8 @@ class TargetTable(TomlTable):
         """The files that it reads, relative to the run file."""
         return ()
 
-    def drawn(self, code: Code, folder: Path, duration: float) -> dict[str, Any] | None:
-        """The same as numbers alone, as of a disturbance (:meth:`icmj.runfile.place.DisturbanceTable.drawn`)."""
+    def resolve(self, code: Code, folder: Path, duration: float) -> dict[str, Any] | None:
+        """The same as numbers alone, as of a disturbance (:meth:`icmj.runfile.place.DisturbanceTable.resolve`)."""
         return None
 
     def terms(self, end: float) -> Array:

@@ -526,7 +526,7 @@ class Settings:
         )
 
 
-def reseeded(settings: Settings, seed: int) -> Settings:
+def reseed(settings: Settings, seed: int) -> Settings:
     """The settings with other noise: each noise's seed is made of its own seed and this one."""
     sources = tuple(
         replace(of, seed=int(np.random.SeedSequence((of.seed, seed)).generate_state(1, np.uint64)[0] >> np.uint64(1)))

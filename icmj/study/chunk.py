@@ -134,7 +134,7 @@ ATTRACTORS = {
 
 def meanings(plan: Plan) -> dict[str, tuple[pa.DataType, str]]:
     """All columns of a plan by name: their type, and what they mean."""
-    ask, noisy = plan.file.ask, plan.file.base.drawn().simulation.settings().noisy
+    ask, noisy = plan.file.ask, plan.file.base.resolve().simulation.settings().noisy
     varies = zip(plan.points.names, plan.points.kinds, strict=True)
     return columns(
         varies, plan.outputs, motion=ask.motion, cycle=ask.cycle, noisy=noisy, attractors=bool(ask.attractors),

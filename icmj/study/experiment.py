@@ -47,7 +47,7 @@ from icmj.series.plausibility import doubt
 from icmj.series.reading import read_series
 from icmj.series.series import SETTLED, Series
 from icmj.series.writing import find_writers
-from icmj.simulation.settings import reseeded
+from icmj.simulation.settings import reseed
 from icmj.study.estimate import refuse_trials
 from icmj.study.kind import CaseResult, DoubleStepKind, Experiment, Kind, QuietStandingKind
 from icmj.study.stance import IntersectionPointKind, MultisineKind, PerturbedStanceKind
@@ -204,7 +204,7 @@ def _draw(experiment: Experiment, kind: Kind, path: Path) -> bytes | None:
     if not any(told.finding is not None for told in experiment.found):
         return None
     with style.apply():
-        figure = kind.drawn(experiment.found)
+        figure = kind.draw_figure(experiment.found)
         svg, png = style.save(figure, "svg"), BytesIO()
         figure.savefig(png, format="png", dpi=200, metadata={"Software": None})
     write_bytes(path / f"{FIGURE}.svg", svg)
@@ -448,7 +448,7 @@ def _trials(
 def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], None] | None = None) -> Recording:
     """One trial of a case on a plant."""
     case = LAST.get(kind.stimulate(one.run, seed))
-    case = replace(case, settings=reseeded(case.settings, seed))
+    case = replace(case, settings=reseed(case.settings, seed))
     found = simulate(case, one.plant, trigger=one.trigger(case), progress=progress)
     whole = found.outcome.kind not in ("fell", "diverged", "interrupted")
     # what stands for continuous control is a clock of a few milliseconds, whose ticks are no events

@@ -148,7 +148,7 @@ class Kind(ABC):
         """
 
     @abstractmethod
-    def drawn(self, found: Sequence[CaseResult]) -> Figure:
+    def draw_figure(self, found: Sequence[CaseResult]) -> Figure:
         """The figure of all results."""
 
 
@@ -261,7 +261,7 @@ class QuietStandingKind(Kind):
     ) -> Standing:
         return quiet_standing(recordings, low_pass=self.settings.low_pass)
 
-    def drawn(self, found: Sequence[CaseResult]) -> Figure:
+    def draw_figure(self, found: Sequence[CaseResult]) -> Figure:
         from icmj.report.findings import standing_figure
 
         return standing_figure(found)
@@ -420,7 +420,7 @@ class DoubleStepKind(Kind):
         pooled = analyse_reactions(isi, rt, step, table.shortest) if agree else None
         return FoundDoubleStep(directions, pooled, seen[0], _doubts(seen, table.latest))
 
-    def drawn(self, found: Sequence[CaseResult]) -> Figure:
+    def draw_figure(self, found: Sequence[CaseResult]) -> Figure:
         from icmj.report.findings import double_step_figure
 
         of = [one.finding for one in found if isinstance(one.finding, FoundDoubleStep)]

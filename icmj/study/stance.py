@@ -186,7 +186,7 @@ class MultisineKind(Kind):
         units = (trials[0].units[0], trials[0].units[1])
         return FoundMultisine(found, None if case is None else self._theory(case, found.line), units, each)
 
-    def drawn(self, found: Sequence[CaseResult]) -> Figure:
+    def draw_figure(self, found: Sequence[CaseResult]) -> Figure:
         from icmj.report.findings import multisine_figure
 
         units = (one.finding.units for one in found if isinstance(one.finding, FoundMultisine))
@@ -362,7 +362,7 @@ class PerturbedStanceKind(Kind):
         theory = None if channels is None else channels.response(found.line)
         return FoundStance(found, theory, (trials[0].units[0], trials[0].units[1]), each, channels)
 
-    def drawn(self, found: Sequence[CaseResult]) -> Figure:
+    def draw_figure(self, found: Sequence[CaseResult]) -> Figure:
         from icmj.report.findings import multisine_figure
 
         units = (one.finding.units for one in found if isinstance(one.finding, FoundMultisine))
@@ -512,7 +512,7 @@ class IntersectionPointKind(Kind):
         mean, deviation = average(points)
         return FoundPoint(mean, deviation, None if case is None else self._theory(case, mean), tuple(points))
 
-    def drawn(self, found: Sequence[CaseResult]) -> Figure:
+    def draw_figure(self, found: Sequence[CaseResult]) -> Figure:
         from icmj.report.findings import intersection_figure
 
         return intersection_figure(found)

@@ -20,7 +20,7 @@ from icmj.experiments import attractors, measure_growth, measure_law, rounds
 from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.schema import RunFile, overridden
 from icmj.runfile.sweep_tables import SweepFile
-from icmj.simulation.settings import reseeded
+from icmj.simulation.settings import reseed
 from icmj.study.chunk import compute
 from icmj.study.experiment import Condition, trial
 from icmj.study.kind import DoubleStepKind, QuietStandingKind
@@ -138,7 +138,7 @@ def simulated(run: RunFile, plant: Plant, seed: int | None = None) -> Simulation
     """The run in the plainest way: prepared, and simulated."""
     case = prepared(run)
     if seed is not None:
-        case = replace(case, settings=reseeded(case.settings, seed))
+        case = replace(case, settings=reseed(case.settings, seed))
     return icmj.simulate(case, plant)
 
 
@@ -207,7 +207,7 @@ def by_text(run: RunFile, plant: Plant) -> Simulation:
 
 def by_drawn(run: RunFile, plant: Plant) -> Simulation:
     """With the numbers that a log keeps of code and files."""
-    return simulated(run.drawn(), plant)
+    return simulated(run.resolve(), plant)
 
 
 def by_complete_run(run: RunFile, plant: Plant) -> Simulation:

@@ -14,7 +14,7 @@ from icmj.errors import FitError, RunFileError
 from icmj.fitting.bank import DRAWS, read_bank, simulate_bank
 from icmj.fitting.family import WARM_UP, load_family
 from icmj.fitting.recordings import SUMMARIES, measures
-from icmj.simulation.settings import reseeded
+from icmj.simulation.settings import reseed
 from icmj.work.own_code import FAMILIES
 
 
@@ -39,10 +39,10 @@ def test_a_trial_is_that_of_the_public_path_bit_for_bit(name):
     member = family.member(family.prior.from_normal(np.full((1, len(family.prior)), 0.2))[0], 30.0)
     if not member.run.has_events:
         trial = prepare(member.run)
-        run = simulate(replace(trial, settings=reseeded(trial.settings, 5)), "linear")
+        run = simulate(replace(trial, settings=reseed(trial.settings, 5)), "linear")
     else:
         case = icmj.prepare(member.run)
-        run = icmj.simulate(replace(case, settings=reseeded(case.settings, 5)), "linear")
+        run = icmj.simulate(replace(case, settings=reseed(case.settings, 5)), "linear")
     at = np.searchsorted(run.t, WARM_UP + np.arange(3000) / 100 - 1e-9)
     states = run.labels.states
     stiffness = 770.015 - member.plant.A[1, 0] / 0.0109426

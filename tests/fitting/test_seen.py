@@ -48,7 +48,7 @@ def test_pooled_over_trials() -> None:
     assert pooled.shape == (5, 5)
     assert np.allclose(pooled[:, :4], ((S - SEEN.centre) / SEEN.scale).mean(axis=1))
     assert SEEN.pool(S[:, :1])[0, -1] < pooled[0, -1]
-    drawn = SEEN.drawn(np.repeat(S[:1], 3000, axis=0), np.random.default_rng(0))
+    drawn = SEEN.draw_pooled(np.repeat(S[:1], 3000, axis=0), np.random.default_rng(0))
     one, both = np.isclose(drawn[:, -1], -0.8), np.isclose(drawn[:, -1], pooled[0, -1])
     assert (one | both).all()
     assert 0.45 < one.mean() < 0.55

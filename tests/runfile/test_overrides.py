@@ -51,7 +51,7 @@ def test_what_was_changed_is_known_and_the_title_says_so(run):
 
 def test_what_is_as_it_was_is_no_change(run):
     same = overridden(run, ["simulation.duration=60", "actual.gain=1.035"])
-    for one in (run, same, run.drawn()):
+    for one in (run, same, run.resolve()):
         assert (dict(one.changes), one.changes_in_words, one.title) == ({}, "", run.case.title)
 
 

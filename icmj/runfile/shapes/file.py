@@ -48,7 +48,7 @@ class FileTable(ColumnTable, PlaceTable):
     def source(self) -> None:
         """Nothing before the file has been read (:meth:`drawn`)."""
 
-    def drawn(self, code: Code, folder: Path, duration: float) -> dict[str, Any]:
+    def resolve(self, code: Code, folder: Path, duration: float) -> dict[str, Any]:
         """The table of kind ``sampled`` with the values of the column.
 
         Raises:

@@ -35,7 +35,7 @@ class OwnNoiseTable(PlaceTable):
     def source(self) -> None:
         """Nothing before its code has drawn it (:meth:`drawn`)."""
 
-    def drawn(self, code: Code, folder: Path, duration: float) -> dict[str, Any]:
+    def resolve(self, code: Code, folder: Path, duration: float) -> dict[str, Any]:
         """The table of kind ``sinusoids`` with the terms that ``code`` draws."""
         rows = {3: "(a, ω, φ)", 5: "(a, ω, φ, start, end)"}
         terms, origin = _draw(code, self.kind, self.parameters, duration, rows)
@@ -56,7 +56,7 @@ class OwnSetpoint(TargetTable):
     parameters: Parameters = {}
     """Parameters of the function, by name."""
 
-    def drawn(self, code: Code, folder: Path, duration: float) -> dict[str, Any]:
+    def resolve(self, code: Code, folder: Path, duration: float) -> dict[str, Any]:
         """The table of kind ``sinusoids`` with the terms that ``code`` gives."""
         terms, origin = _draw(code, self.kind, self.parameters, duration, {5: "(a, ω, φ, start, end)"})
         kept = self.model_dump(exclude={"kind", "parameters"}, exclude_unset=True, mode="json")
