@@ -39,7 +39,7 @@ from icmj.errors import AnalysisError, expect
 from icmj.plant.linear_plant import LinearPlant, match_ports
 
 _FEWEST, _MANY, _MOST = 16, 64, 256  # Chebyshev points: at first, to see all roots of a loop that has few, at last
-NEUTRAL = 1e-6  # 1/s
+NEUTRAL = 1e-7  # of the inverse of the longest delay, or of the size of the matrix where there is none
 _SAME = 1e-7  # relative to the fastest root asked for: two roots that are one
 _CLOSE = 1e-9  # relative step of Newton's method below which only rounding keeps it from falling further
 
@@ -236,7 +236,8 @@ def count_unstable(loop: DelayLoop) -> int:
     Δ(s) with its integral.
     """
     equations = DelayLoop(loop.F, loop.G, loop.tau)
-    return _number_right_of(equations, NEUTRAL) - int((loop.left_out.real > NEUTRAL).sum())
+    line = NEUTRAL * (1 / float(loop.tau.max()) if len(loop.tau) else float(np.linalg.norm(loop.F)))
+    return _number_right_of(equations, line) - int((loop.left_out.real > line).sum())
 
 
 def _number_right_of(loop: DelayLoop, line: float) -> int:

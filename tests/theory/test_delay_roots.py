@@ -129,3 +129,15 @@ def test_what_has_no_such_roots_is_told(root: object) -> None:
         delay_loop(body(), SwitchingPD(body(), "theta", "omega", 1.0, 1.0, DELAY), mode=3)
     with pytest.raises(AnalysisError, match="expected a stable and an unstable loop"):
         stability_limit(lambda P: loop(P, 100.0), 0.3, 0.4)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e3, 1e6])
+def test_no_unit_of_time_changes_how_many_roots_grow(unit):
+    rng, grown = np.random.default_rng(3), 0
+    for _ in range(10):
+        n, k = rng.integers(1, 5), rng.integers(1, 3)
+        F, G, tau = rng.normal(size=(n, n)), rng.normal(size=(k, n, n)), rng.uniform(0.05, 1, k)
+        found = count_unstable(DelayLoop(F, G, tau))
+        assert count_unstable(DelayLoop(F / unit, G / unit, tau * unit)) == found
+        grown += found
+    assert grown > 5
