@@ -1,10 +1,13 @@
 """The floor plan: who may import whom, that CONTRIBUTING.md draws it, and that each thing has one home."""
 
 import ast
+import importlib
 import re
 from pathlib import Path
 
 import pytest
+
+from icmj.errors import IcmjError
 
 PACKAGE = Path(__file__).resolve().parents[1] / "icmj"
 
@@ -299,3 +302,16 @@ def test_the_command_line_prints_in_one_place() -> None:
     printed = re.compile(r"(?<![.\w])print\(|\bConsole\(|sys\.stdout\.write|from rich\.(console|markup) ")
     found = {name_of(path) for path in MODULES if printed.search(path.read_text(encoding="utf-8"))}
     assert found == {"icmj.cli.terminal", "icmj.cli.main", "icmj.log.reader", "icmj.engine.safety"}
+
+
+def test_every_error_can_be_said_again_with_more_words() -> None:
+    """Whoever knows the file or the class of a user's own that an error is about says so in an error of its kind."""
+    for name in sorted(ALL_NAMES):
+        if not name.startswith("icmj.shipped"):
+            importlib.import_module(name)
+    kinds, left = set[type](), [IcmjError]
+    while left:
+        kinds.add(kind := left.pop())
+        left += kind.__subclasses__()
+    for kind in kinds:
+        assert str(kind("case.toml: it fell")) == "case.toml: it fell", kind

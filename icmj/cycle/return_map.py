@@ -53,9 +53,15 @@ class LostInterval(CycleError):
         flown: how long it was [s].
     """
 
-    def __init__(self, outcome: Outcome, flown: float) -> None:
-        super().__init__(f"from there the motion {outcome.message}, without a further event")
-        self.outcome, self.flown = outcome, flown
+    outcome: Outcome
+    flown: float
+
+    @classmethod
+    def after(cls, outcome: Outcome, flown: float) -> LostInterval:
+        """The error of an interval that was ``flown`` for so long [s] and ended so."""
+        lost = cls(f"from there the motion {outcome.message}, without a further event")
+        lost.outcome, lost.flown = outcome, flown
+        return lost
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +191,7 @@ class ReturnMap:
             flight, rows = self._fly(*self.split(z))
             kept.append(rows)
             if flight.outcome is not None:
-                raise LostInterval(flight.outcome, flight.length)
+                raise LostInterval.after(flight.outcome, flight.length)
             intervals[i], z = flight.length, self.join(flight.x, flight.x_o, flight.x_h)
             y_max, y_min = np.maximum(y_max, flight.y_max), np.minimum(y_min, flight.y_min)
         return Turn(intervals, states, z, y_max, y_min, tuple(kept))

@@ -108,14 +108,14 @@ class SwitchedMap:
         delay, duration = self.law.delay, LONGEST * self.law.delay * p
         back = expm(-self.plant.A * _AHEAD * delay) @ z
         if self._mode(back) != OFF:
-            raise LostInterval(ending.diverged(0.0, "does not begin where feedback is off"), 0.0)
+            raise LostInterval.after(ending.diverged(0.0, "does not begin where feedback is off"), 0.0)
         for _ in range(_PATIENCE):
             found = self.rounds(back, duration)
             if len(found.at) > p or found.ended:
                 break
             duration *= 2
         if len(found.at) <= p:
-            raise LostInterval(found.outcome, found.outcome.t)
+            raise LostInterval.after(found.outcome, found.outcome.t)
         last, first = found.number[p], found.number[0]
         times = found.times - found.times[first]
         turn = Turn(
