@@ -187,7 +187,7 @@ class ComposedLoop:
                 mujoco.mj_differentiatePos(self.model, departure, 1.0, point.qpos, np.ascontiguousarray(q))
         x = np.hstack([position, qvel - point.qvel, act - point.act])
         x_o, x_h = (a[:, layout[name] if has_trigger(self.controller) else slice(0, 0)] for name in ("x_o", "x_h"))
-        return States(self.plant.linearisation.ports.kept(x), x_o, x_h, self.y(y))
+        return States(self.plant.linearisation.ports.reduce(x), x_o, x_h, self.y(y))
 
     def y(self, sensordata: Array) -> Array:
         """The readings of the controller, as deviations from the operating point, shape (..., n_y)."""

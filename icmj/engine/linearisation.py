@@ -81,7 +81,7 @@ class Ports:
         """Outputs without bias, shape (..., n_y)."""
         return self.g * sensordata[..., self.entries]
 
-    def kept(self, z: Array) -> Array:
+    def reduce(self, z: Array) -> Array:
         """The plant's states from the model's, shape (..., n), without what goes along with those left out."""
         z = z - z[..., self.left] @ self.still if len(self.left) else z
         return z[..., self.states]
@@ -265,7 +265,7 @@ def effects(model: mujoco.MjModel, point: OperatingPoint, table: Array) -> Array
     """
     nv, data, found = model.nv, data_at(model, point), np.zeros((2 * model.nv + model.na, len(table)))
 
-    def moved(force: Array) -> Array:
+    def accelerate(force: Array) -> Array:
         """The accelerations that a force would cause without constraints, M⁻¹ f."""
         result = np.zeros((1, nv))
         mujoco.mj_solveM(model, data, result, np.ascontiguousarray(force[None]))
@@ -274,10 +274,10 @@ def effects(model: mujoco.MjModel, point: OperatingPoint, table: Array) -> Array
     with isolate_engine(), solve_fully(model):
         mujoco.mj_forward(model, data)
         acting = (data.qfrc_bias, data.qfrc_passive, data.qfrc_actuator, data.qfrc_constraint)
-        rest = max(float(force @ moved(force)) for force in acting)
+        rest = max(float(force @ accelerate(force)) for force in acting)
         for column, row in zip(found.T, table, strict=True):
             force = forces(model, data, row[None], np.ones(1))
-            column[nv : 2 * nv] = free = moved(force)
+            column[nv : 2 * nv] = free = accelerate(force)
             if not data.nefc or not force.any():
                 continue
             step, column[nv : 2 * nv] = _PUSH * np.sqrt(rest / (force @ free)) if rest > 0 else 1.0, 0.0
@@ -389,8 +389,8 @@ def linearise(
     V = {i: v for i, v in V.items() if np.abs(found.C[rows] @ v).max(initial=0.0) <= IDLE * np.abs(found.C).max()}
     ports = replace(ports, left=np.array([*V], dtype=int), still=np.array([*V.values()]).reshape(len(V), ports.size))
     plant = LinearPlant(
-        np.ascontiguousarray(ports.kept(found.A[:, kept].T).T),
-        np.ascontiguousarray(ports.kept(found.B[:, columns].T).T) * ports.b,
+        np.ascontiguousarray(ports.reduce(found.A[:, kept].T).T),
+        np.ascontiguousarray(ports.reduce(found.B[:, columns].T).T) * ports.b,
         found.C[np.ix_(rows, kept)] * ports.g[:, None],
         *(
             _pick(of(model), at)

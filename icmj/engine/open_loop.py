@@ -230,7 +230,7 @@ class EngineCourse:
         """d/dt of (x, a) at all ``rows``, moved by each of ``moves``; shapes (T, w), (m, w) → (T, m, n + N_a)."""
         rates = self._flight.rates(rows, moves)
         x, a = rates[..., : 2 * self._nv + self._act.start], rates[..., 2 * self._nv :]
-        return np.concatenate([self._ports.kept(x), a[..., self._act]], axis=-1)
+        return np.concatenate([self._ports.reduce(x), a[..., self._act]], axis=-1)
 
 
 def _flown(flight: EngineOpenLoop, x: Array, a: Array, length: float) -> Array:

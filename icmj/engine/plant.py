@@ -166,7 +166,7 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
 
     def matrices(found: Differences) -> tuple[Array, Array, Array]:
         """A, B and C at unit gains of the ports, which change nothing relative."""
-        A, B = (ports.kept(of[:, at].T).T for of, at in ((found.A, kept), (found.B, columns)))
+        A, B = (ports.reduce(of[:, at].T).T for of, at in ((found.A, kept), (found.B, columns)))
         return np.ascontiguousarray(A), np.ascontiguousarray(B), found.C[np.ix_(rows, kept)]
 
     A, B, C = (_error(*pair) for pair in zip(matrices(whole), matrices(half), strict=True))
@@ -193,8 +193,8 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
         excesses=excesses(model, point, kept, rows, columns),
         dead=quality.dead(plant, _NO_SLOPE * mobile),
         step_effect=quality.compare_steps(slow, quick, float(model.opt.timestep)),
-        raised=tuple(dict.fromkeys(_raised(model, linearisation))),
-        undecided=() if kinks else quality.undecided(plant, max(A, B)),
+        raised=tuple(dict.fromkeys(_find_raised(model, linearisation))),
+        undecided=() if kinks else quality.find_undecided(plant, max(A, B)),
     )
 
 
@@ -290,7 +290,7 @@ _CONSTRAINTS = {
 }
 
 
-def _raised(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[Raised]:
+def _find_raised(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[Raised]:
     """Constraints at the operating point whose time constant is less than two steps, and which the engine softens."""
     data, taken = data_at(model, linearisation.point), 2 * float(model.opt.timestep)
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_REFSAFE:

@@ -177,7 +177,7 @@ class Dynamics:
         self.forward(x, u)
         moved = data.qvel.copy() if model.nq == model.nv else self._turning()
         here = self.plant.linearisation
-        rate = here.ports.kept(np.concatenate([moved, data.qacc, activation_rates(model, data)]))
+        rate = here.ports.reduce(np.concatenate([moved, data.qacc, activation_rates(model, data)]))
         return rate, here.ports.read(data.sensordata) - here.y
 
     def forward(self, x: Array, u: Array) -> None:

@@ -318,7 +318,7 @@ def simulate(
         precision |= estimate(loop, schedule, record).facts(schedule, linear.outputs)
 
     rows, events = loop.departures(record.rows), loop.departures(record.events)
-    held, at_events = _held(controller, rows, record.u), _held(controller, events, record.u[:0])
+    held, at_events = _hold_rows(controller, rows, record.u), _hold_rows(controller, events, record.u[:0])
     acting, reached = _limits(plant, loop, record.rows, held.u)
     return Simulation(
         plant="mujoco",
@@ -357,7 +357,7 @@ def _start(
     return plant_start(plant, settings, x0), a
 
 
-def _held(law: Law, states: States, u: Array) -> ControllerRows:
+def _hold_rows(law: Law, states: States, u: Array) -> ControllerRows:
     """The controller at rows where its states are these, and its commands ``u``."""
     if has_trigger(law):
         return keep_rows(law, states.x_o, states.x_h)

@@ -144,7 +144,7 @@ def adrift(plant: LinearPlant, positions: np.ndarray | None = None) -> tuple[str
     return tuple(found)
 
 
-def undecided(plant: LinearPlant, error: float) -> tuple[str, ...]:
+def find_undecided(plant: LinearPlant, error: float) -> tuple[str, ...]:
     """States on which no rate depends, of which A and B, right to ``error`` of A, do not tell whether an input moves
     them; none if the error is smaller than what decides.
     """

@@ -87,6 +87,9 @@ class Columns:
         Raises:
             DataError: if the times do not rise or their unit has to be said, or trials stand one below the other.
         """
+        if self.clock:  # rows that exporters leave empty at the end, without a time, are none
+            known = np.flatnonzero(~np.isnan(data).all(axis=1))
+            data = data[: known[-1] + 1 if len(known) else 0]
         t = self._times(data)
         data = data[:, 1:] if self.clock else data
         names, units = zip(*zip(self.names, self.units, strict=True), *self.beside, strict=True)

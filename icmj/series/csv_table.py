@@ -39,6 +39,7 @@ _SMALL = re.compile(rf"{_SIGN}\d{{1,3}}")
 _WITH_WORDS = re.compile(rf"{_SIGN}\d+([.,]\d+)?\s*[^\W\d]+[^\d]*")
 _SPLIT = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")  # names between blanks, each with its unit
 _FORTRAN = re.compile(rb"(?<=[\d.])[dD](?=[-+]?\d)")
+_POINTED, _THOUSANDS = re.compile(rb"\d[\d.]*\.\d+"), re.compile(rb"[1-9]\d{0,2}(\.\d{3})+")
 _MARKERS = "MARKER_NAMES"  # Qualisys: a name for three columns each
 _MINUS = "−".encode()
 
@@ -51,11 +52,13 @@ class TableForm:
         headers: of all columns; "" where there is none.
         units: of all columns, from a row of units below the names; "" where there is none.
         numeric: which columns hold numbers; a column without a name and a number is none, nor are numbers of rows.
+        texts: places of the columns of text.
         faults: what is no number in a column of numbers, or has a word in each cell, by the place of the column.
         delimiter: between fields; a blank stands for any number of them.
         decimal: "." or ",".
         grouped: whether the other of these signs separates thousands.
         fortran: whether powers of ten are written with D.
+        undecided: whether no number in these lines has a sign, so that a later point may separate thousands.
         first: the line where numbers begin, counted from 1.
         offset: where that is in the file [bytes].
     """
@@ -63,13 +66,28 @@ class TableForm:
     headers: tuple[str, ...]
     units: tuple[str, ...]
     numeric: tuple[bool, ...]
+    texts: tuple[int, ...]
     faults: dict[int, str]
     delimiter: str
     decimal: str
     grouped: bool
     fortran: bool
+    undecided: bool
     first: int
     offset: int
+
+    def refuse_thousands(self, rows: bytes) -> None:
+        """See that a point in some later rows is that of decimals, where no line before has told what it is.
+
+        Raises:
+            DataError: if each of them may separate thousands.
+        """
+        found = _POINTED.findall(rows) if self.undecided and b"." in rows else []
+        if found and all(_THOUSANDS.fullmatch(cell) for cell in found):
+            raise DataError(
+                f"{found[0].decode()!r} has decimals or separated thousands, and no other number tells; save numbers "
+                "without separators of thousands"
+            )
 
     def clean(self, rows: bytes) -> bytes:
         """Some rows with one ``delimiter`` between their fields, and numbers as computers write them."""
@@ -143,13 +161,13 @@ def find_form(text: bytes) -> TableForm:
     above = [line for line in lines if line.number < best.lines[0].number]
     _refuse_earlier_table(best, above)
     headers, units, numbers_rows = _name(best, above)
-    numeric, faults = _sort_columns(best, headers, numbers_rows)
+    numeric, texts, faults = _sort_columns(best, headers, numbers_rows)
     first, cells = best.lines[0], [cell for row in best.rows for cell in row]
     grouped = any(_GROUPED[best.decimal].fullmatch(cell) for cell in cells)
     fortran = any(_FORTRAN.search(cell.encode()) for cell in cells if _is_number(cell, best.decimal))
-    return TableForm(
-        headers, units, numeric, faults, best.delimiter, best.decimal, grouped, fortran, first.number, first.offset
-    )
+    undecided = best.delimiter != "," and not any("." in cell or "," in cell for cell in cells)
+    signs = best.delimiter, best.decimal, grouped, fortran, undecided
+    return TableForm(headers, units, numeric, texts, faults, *signs, first.number, first.offset)
 
 
 def _lines(text: bytes) -> list[_Line]:
@@ -312,17 +330,23 @@ def _counts_rows(cells: Sequence[str]) -> bool:
     return len(cells) > 1 and numbers[0] in (0, 1) and numbers == list(range(numbers[0], numbers[0] + len(cells)))
 
 
-def _sort_columns(run: _Run, headers: Sequence[str], numbers_rows: bool) -> tuple[tuple[bool, ...], dict[int, str]]:
-    """Which columns hold numbers, and what is wrong in those that are to."""
-    numeric, faults = [], {}
+def _sort_columns(
+    run: _Run, headers: Sequence[str], numbers_rows: bool
+) -> tuple[tuple[bool, ...], tuple[int, ...], dict[int, str]]:
+    """Which columns hold numbers, which hold text, and what is no number in those that are to hold numbers."""
+    numeric, texts, faults = [], [], {}
+    # without names, a column of nothing but missing numbers is one, but for what a separator at each end makes
+    named = [bool(header) if any(headers) else i < run.width - 1 for i, header in enumerate(headers)]
     for i in range(run.width):
         cells = run.column(i)
         numbers = sum(_is_number(cell, run.decimal) for cell in cells)
         odd = [cell for cell in cells if not _is_number(cell, run.decimal) and cell.lower() not in MISSING]
-        numeric.append(bool(numbers or (headers[i] and not odd)) and not (numbers_rows and i == 0))
+        numeric.append(bool(numbers or (named[i] and not odd)) and not (numbers_rows and i == 0))
+        if odd and not numbers:
+            texts.append(i)
         if odd and (numbers or all(_WITH_WORDS.fullmatch(cell) for cell in odd)):
             faults[i] = one_line(odd[0], 40)
-    return tuple(numeric), faults
+    return tuple(numeric), tuple(texts), faults
 
 
 def missing_words() -> list[str]:

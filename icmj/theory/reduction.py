@@ -333,7 +333,7 @@ def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
             f"not analysable, because the modes of the error system cannot be distinguished ({error})"
         ) from error
     if not D.shape[1] and not L.shape[1]:
-        return _balanced(system, whole)
+        return _balance_whole(system, whole)
     Q = complement(D)
     R = Q @ complement(L)
     named = _ModeNames(system, A, scale, shown)
@@ -365,7 +365,7 @@ def _in_the_way(modes: Sequence[NeutralMode]) -> str:
     return words + (f"; leave it out of the model, as drop = [{drop}] does, or take the delay out" if drop else "")
 
 
-def _balanced(system: ErrorSystem, whole: Flow) -> Reduction:
+def _balance_whole(system: ErrorSystem, whole: Flow) -> Reduction:
     """The system as it is, in balanced coordinates."""
     size, s = len(system.exit), whole.scale
     empty = np.zeros((size, 0))

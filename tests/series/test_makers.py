@@ -56,6 +56,7 @@ READ = {
         "Format Version,1.23,Take Name,x,Capture Frame Rate,100.0\n\n,,Marker,Marker\n,,p,p\n"
         + table("Frame,Time (Seconds),ap [mm],ml [mm]", [(str(i), *row) for i, row in enumerate(ROWS)])
     ),
+    "empty rows at the end": table(HEAD, ROWS) + ",,\n,,\n",
     "a separator at each end": table(HEAD, ROWS, end=","),
     "a separator at each end, of names, too": table(HEAD + ",", ROWS, end=","),
     "numbers of rows without a name": table(HEAD, [(f'"{i + 1}"', *row) for i, row in enumerate(ROWS)]),
@@ -222,3 +223,28 @@ def test_numbers_within_frames_and_keys_before_a_table_are_no_sway(tmp_path):
     keys = "NO_OF_FRAMES\t400\nFREQUENCY\t100\nTIME_STAMP\t2020-01-01, 10:00:00\t3.5\nMARKER_NAMES\tC7\n"
     (tmp_path / "sway.tsv").write_text(keys + table(None, [(a, m, a + 900) for _, a, m in ROWS], "\t"))
     assert read_series(tmp_path / "sway.tsv", rate=RATE).names == ("C7.x", "C7.y", "C7.z")
+
+
+def test_thousands_that_come_after_the_lines_that_are_looked_at_are_asked_about(tmp_path):
+    """2595 µm were read as 2.595, because numbers below a thousand have no separator."""
+    values = [5 * i - 400 for i in range(600)]
+    rows = "".join(f"{10 * i};{value:,}\n".replace(",", ".") for i, value in enumerate(values))
+    (tmp_path / "sway.csv").write_text(f"t [ms];ap [µm]\n{rows}", encoding="utf-8")
+    with pytest.raises(DataError, match=r"'1\.000' has decimals or separated thousands"):
+        read_series(tmp_path / "sway.csv")
+    (tmp_path / "sway.csv").write_text(f"t [ms];ap [µm]\n{rows}".replace(".", ""), encoding="utf-8")
+    assert read_series(tmp_path / "sway.csv")["ap"].tolist() == values
+    still = "".join(f"{10 * i};{'0' if i < 300 else '1.250'}\n" for i in range(600))
+    (tmp_path / "sway.csv").write_text(f"t [ms];ap [mm]\n{still}600000;0.125\n")
+    assert read_series(tmp_path / "sway.csv")["ap"][[0, 300, 600]].tolist() == [0.0, 1.25, 0.125]
+
+
+def test_columns_without_names_are_called_by_their_place(tmp_path):
+    """One that is empty at first was dropped, and the next was called by its place."""
+    rows = [(i % 7, "" if i < 300 else i % 5, "open", i % 3) for i in range(600)]
+    (tmp_path / "sway.csv").write_text("".join(",".join(map(str, row)) + "\n" for row in rows))
+    series = read_series(tmp_path / "sway.csv", rate=RATE)
+    assert series.names == ("column 1", "column 2", "column 4")
+    assert series["column 2"][300:].tolist() == [row[1] for row in rows[300:]]
+    assert series["column 4"].tolist() == [row[3] for row in rows]
+    assert series.facts["left out"] == "left out: column 3, which is text"

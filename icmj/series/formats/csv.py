@@ -35,14 +35,13 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
     if len(form.headers) > MOST_COLUMNS:
         raise DataError(f"{len(form.headers)} columns; expected at most {MOST_COLUMNS}")
     numeric = [i for i, number in enumerate(form.numeric) if number]
-    texts = (header for header, number in zip(form.headers, form.numeric, strict=True) if header and not number)
-    left = [f"{header}, which is text" for header in texts]
+    headers = [header or f"column {i + 1}" for i, header in enumerate(form.headers)]
+    left = [f"{headers[i]}, which is text" for i in form.texts]
     for i, words in form.faults.items():
-        if not form.numeric[i] and not columns:
-            name = form.headers[i] or f"column {i + 1}"
-            raise DataError(f"{name}: {words!r} is no number; write the unit in the name")
+        if i in form.texts and not columns:
+            raise DataError(f"{headers[i]}: {words!r} is no number; write the unit in the name")
     choice = choose_columns(
-        [form.headers[i] for i in numeric], [form.units[i] for i in numeric], columns, rate, left,
+        [headers[i] for i in numeric], [form.units[i] for i in numeric], columns, rate, left,
         {numeric.index(i): words for i, words in form.faults.items() if i in numeric},
     )  # fmt: skip
     chosen = [str(numeric[i]) for i in choice.at]
@@ -53,6 +52,7 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
     file.seek(form.offset)
     count = 0
     for text in _parts(file):
+        form.refuse_thousands(text)
         rows = _numbers(text, form, chosen)
         if count + len(rows) > len(data):  # lines ended in both ways
             raise DataError("mixed line endings; save the file with one kind of line ending")
