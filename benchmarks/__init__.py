@@ -2,7 +2,8 @@
 
 import os
 
-from icmj.base.process import collect_garbage_seldom, one_thread
+from icmj.base.blas_threads import one_thread
+from icmj.base.process import collect_garbage_seldom
 
 SHELL = dict(os.environ)
 """The environment that the benchmarks were started in, for what is measured as anybody starts it."""

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from terminal_cases import Shell
 
-from icmj.base.process import one_thread
+from icmj.base.blas_threads import one_thread
 from icmj.errors import IcmjError
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # as many processes as cores already; before numpy is there

@@ -200,7 +200,7 @@ def test_what_is_on_disk_is_read_in_one_way() -> None:
         r"\w\.read_(text|bytes)\(|(?<!os)\.open\((?!.w)|(?<![\w.])open\([^)]*\br|np\.load\(|(pq|parquet)\.(read_|P)"
     )
     ours = {
-        *("base.files", "base.array", "work.folder"),  # the way itself
+        *("base.files", "base.npz", "base.parquet", "work.folder"),  # the way itself
         *("base.compilation", "work.own_code", "work.folder", "cli.files"),  # files of the installation
         *(
             "report.builder",

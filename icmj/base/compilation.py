@@ -19,13 +19,13 @@ from functools import wraps
 from pathlib import Path
 from typing import Any
 
-from icmj.base import process
+from icmj.base import compile_clock
 from icmj.base.process import INTERPRETED
 
 if not INTERPRETED:
     from icmj.base.linking import Linked, c_function, listen, load_from_disk, numba
 
-    listen(process.begin_compiling, process.end_compiling)
+    listen(compile_clock.begin_compiling, compile_clock.end_compiling)
 
 try:
     import fcntl
@@ -103,8 +103,8 @@ def _one_process(dispatcher: Any) -> Iterator[None]:
     with ExitStack() as held:
         if fcntl is not None and not _on_disk(dispatcher):
             lock = Path(dispatcher.stats.cache_path) / f"{Path(dispatcher.py_func.__code__.co_filename).stem}.lock"
-            process.begin_compiling()  # waiting for another process is waiting for its compiler
-            held.callback(process.end_compiling)
+            compile_clock.begin_compiling()  # waiting for another process is waiting for its compiler
+            held.callback(compile_clock.end_compiling)
             with suppress(OSError):  # no right, or a file system without locks: each process compiles
                 fcntl.flock(held.enter_context(lock.open("w")), fcntl.LOCK_EX)
         yield

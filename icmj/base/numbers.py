@@ -1,13 +1,7 @@
-"""Numbers that people read, facts, which are numbers with a name and a meaning, and objects shown by them.
-
-Formats of numbers that people read, on pages, in cards and on the terminal.
+"""Numbers as people read them, and facts: numbers with a name, a unit and a meaning, said once for all who show them.
 
 Pages have the typography of a journal (:func:`number`, :func:`error`); cards, summaries and tables have plain decimals
 with their unit (:func:`amount`, :func:`relative`).
-
-A fact of a result: what it is called, its unit, what it means, and how it is read; said once for all who show it.
-
-Representation of icmj's objects: one line at a prompt, a small table in a notebook, plain data for JSON.
 """
 
 from __future__ import annotations
@@ -16,7 +10,6 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
-from html import escape
 from typing import Any, Literal
 
 import numpy as np
@@ -263,54 +256,6 @@ def collect_facts(facts: Iterable[Fact], thing: Any, place: Place, names: Sequen
             else:
                 found[key] = value
     return found
-
-
-_SUBSCRIPT = re.compile(r"(?<![A-Za-zΓ-ω_])([A-Za-zΓ-ω])_(\w+)\b(?!\.)")
-_CELL = "text-align:left;vertical-align:top;padding:.15em 1em .15em 0;border:0;background:none;color:inherit"
-_LABEL = f"{_CELL};font-weight:normal;opacity:.7;white-space:nowrap"
-_TABLE = "border-collapse:collapse;margin:.3em 0;font-size:.95em"
-
-
-@dataclass(frozen=True)
-class Card:
-    """The contents of a representation.
-
-    Attributes:
-        line: few words, for a prompt.
-        rows: label and value, for a notebook.
-        words: a sentence below them, or "".
-    """
-
-    line: str
-    rows: tuple[tuple[str, str], ...]
-    words: str = ""
-
-
-class WithCard:
-    """Base class of objects with a card; a dataclass that inherits from it must set ``repr=False``."""
-
-    def card(self) -> Card:
-        """The representation to show."""
-        raise NotImplementedError
-
-    def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {self.card().line}>"
-
-    def _repr_html_(self) -> str:
-        card = self.card()
-        rows = "".join(
-            f'<tr style="background:none"><th scope="row" style="{_LABEL}">{_mark_up(label)}</th>'
-            f'<td style="{_CELL}">{_mark_up(value)}</td></tr>'
-            for label, value in card.rows
-        )
-        words = f'<div style="max-width:44em">{_mark_up(card.words)}</div>' if card.words else ""
-        title = f"<strong>{escape(type(self).__name__)}</strong>"
-        return f'<div class="icmj">{title}<table style="{_TABLE}"><tbody>{rows}</tbody></table>{words}</div>'
-
-
-def _mark_up(text: str) -> str:
-    """Escaped, Δ_crit with a subscript."""
-    return _SUBSCRIPT.sub(r"\1<sub>\2</sub>", escape(text))
 
 
 def plain(value: Any) -> Any:

@@ -8,7 +8,7 @@ start means the same instant, whatever the last bit says.
 
 First roots and largest values of polynomials on [0, 1], certified, in compiled code.
 
-A polynomial lies in the convex hull of its Bernstein coefficients (:mod:`icmj.base.array`): an interval on which
+A polynomial lies in the convex hull of its Bernstein coefficients (:mod:`icmj.base.bernstein`): an interval on which
 all are negative holds no root, and one on which they change sign once holds exactly one, by Descartes' rule. All others
 are halved, which makes the bound converge quadratically, so that no root is missed however close two of them lie.
 

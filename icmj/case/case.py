@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.base.numbers import Card, WithCard, count
-from icmj.base.process import limit_to_one_thread
+from icmj.base.blas_threads import limit_to_one_thread
+from icmj.base.card import Card, WithCard
+from icmj.base.numbers import count
 from icmj.base.text import did_you_mean, one_line
 from icmj.case.noise import refuse_beyond_theory, small_noise
 from icmj.case.plants import (

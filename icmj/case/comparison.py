@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from icmj.base.array import Array, leading
-from icmj.base.numbers import Card, Fact, WithCard, amount, collect_facts, count, ordinal, plain, relative
+from icmj.base.card import Card, WithCard
+from icmj.base.numbers import Fact, amount, collect_facts, count, ordinal, plain, relative
 from icmj.case.result import Result, beside, has_prediction, settled_on
 from icmj.errors import AnalysisError
 from icmj.measurement.measurement import Measurement, measured_gamma

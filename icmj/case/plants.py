@@ -27,8 +27,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from icmj.base.array import Array, read_npz, real
+from icmj.base.array import Array, real
 from icmj.base.files import read_bytes
+from icmj.base.npz import read_npz
 from icmj.base.text import one_line, parse_json
 from icmj.controller.controller import Controller, Law
 from icmj.controller.design import Delay, Design, design_lq

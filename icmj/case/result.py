@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from icmj.base import VERSION
 from icmj.base.array import Array, between
-from icmj.base.numbers import Card, WithCard
+from icmj.base.card import Card, WithCard
 from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.errors import ReportError
 from icmj.measurement.measurement import Measurement, measure, reduced_states

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from icmj.base.files import discard_if_failed, replaceable, write_text
+from icmj.base.interruption import interrupt_once
 from icmj.base.numbers import amount, amounts, count, lapse, number, plain, root
-from icmj.base.process import interrupt_once, meanwhile
+from icmj.base.process import meanwhile
 from icmj.cli import arguments, files
 from icmj.cli.printing import plain_runs, say_changes, show_comparisons, spread_in_words, spread_of
 from icmj.cli.terminal import ERR, OUT, Column, Working, show_table

@@ -23,17 +23,10 @@ from dataclasses import MISSING
 from types import NoneType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TextIO, get_args, get_origin, get_type_hints
 
-from icmj.base.process import (
-    LEAST_ROOM,
-    EndRequest,
-    Termination,
-    collect_garbage_seldom,
-    load_matplotlib_apart,
-    narrow,
-    one_thread,
-    sparing,
-    terminable,
-)
+from icmj.base.address_space import LEAST_ROOM, narrow, sparing
+from icmj.base.blas_threads import one_thread
+from icmj.base.interruption import EndRequest, Termination, terminable
+from icmj.base.process import collect_garbage_seldom, load_matplotlib_apart
 from icmj.base.text import attribute_docstrings, did_you_mean, one_line, spell
 from icmj.errors import IcmjError, beyond_arithmetic, beyond_memory
 

@@ -31,7 +31,7 @@ from rich.segment import Segment
 from rich.table import Column as RichColumn
 from rich.table import Table
 
-from icmj.base import process
+from icmj.base import compile_clock
 from icmj.base.text import printable
 
 ENDLESS = 100_000  # columns of a stream that is no terminal
@@ -284,7 +284,7 @@ class Remaining:
 
     @staticmethod
     def _clock() -> float:
-        return time.monotonic() - process.spent()
+        return time.monotonic() - compile_clock.spent()
 
     def note(self, done: float) -> None:
         """The completed fraction, now."""
@@ -311,12 +311,12 @@ class Remaining:
 
 def _time_to_compile() -> float:
     """The time that a loop which is compiled now will still take, or 0 [s]."""
-    return max(process.USUAL - process.spent(), 0.0) if process.compiling() else 0.0
+    return max(compile_clock.USUAL - compile_clock.spent(), 0.0) if compile_clock.compiling() else 0.0
 
 
 def _compilation() -> str:
     """What is said of a loop that is compiled now; empty where none is."""
-    if not process.compiling():
+    if not compile_clock.compiling():
         return ""
     left = _time_to_compile()
     return f"compiling (first run only{f', about {_rounded(left)}' if left >= 1 else ''})"

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from icmj.base.array import RELATIVE_ROUNDING, SEMIDEFINITE, Array, balanced_modes, real
-from icmj.base.process import ignore_warnings, limit_to_one_thread
+from icmj.base.blas_threads import ignore_warnings, limit_to_one_thread
 from icmj.base.text import one_line
 from icmj.errors import AnalysisError, DesignError
 from icmj.plant.linear_plant import LinearPlant, expect_linear

@@ -14,8 +14,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, read_parquet, refuse_fatal
+from icmj.base.array import Array
 from icmj.base.files import read_bytes, whole
+from icmj.base.parquet import read_parquet, refuse_fatal
 from icmj.base.text import one_line, parse_json
 from icmj.cycle.return_map import PlantKind
 from icmj.errors import IcmjError, LogError

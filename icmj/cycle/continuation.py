@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array
-from icmj.base.process import limit_to_one_thread
+from icmj.base.blas_threads import limit_to_one_thread
 from icmj.case.case import Theory, expect_theory, prepare
 from icmj.cycle.branch import Branch, SpecialPoint
 from icmj.cycle.curve import (

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import RELATIVE_ROUNDING, Array
-from icmj.base.process import limit_to_one_thread
+from icmj.base.blas_threads import limit_to_one_thread
 from icmj.case.case import Case, Theory, expect_rule, expect_theory, simulate_plant
 from icmj.case.plants import linear_plant
 from icmj.cycle.return_map import (

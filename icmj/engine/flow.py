@@ -18,7 +18,8 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.process import SWITCH, defer_interrupt
+from icmj.base.interruption import defer_interrupt
+from icmj.base.process import SWITCH
 from icmj.engine.block import Block, Slot
 from icmj.engine.closed_loop import ComposedLoop
 from icmj.engine.composition import at_ports

@@ -22,7 +22,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array, leading
-from icmj.base.process import limit_to_one_thread
+from icmj.base.blas_threads import limit_to_one_thread
 from icmj.engine.model import (
     OperatingPoint,
     data_at,

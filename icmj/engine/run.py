@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, between
-from icmj.base.process import INTERPRETED, limit_to_one_thread
+from icmj.base.blas_threads import limit_to_one_thread
+from icmj.base.process import INTERPRETED
 from icmj.controller.controller import Law, has_trigger
 from icmj.engine.closed_loop import ComposedLoop, close_loop
 from icmj.engine.flow import Record, follow

@@ -51,8 +51,10 @@ from typing import Any, TypeVar
 import mujoco
 import numpy as np
 
+from icmj.base.blas_threads import SharedBlock, ignore_warnings
+from icmj.base.bounded_program import run_bounded
 from icmj.base.files import read_bytes
-from icmj.base.process import INTERPRETED, SharedBlock, ignore_warnings, run_bounded
+from icmj.base.process import INTERPRETED
 from icmj.base.text import one_line
 from icmj.errors import ModelError, SimulationError
 from icmj.plant.linear_plant import LinearPlant

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, between
-from icmj.base.process import limit_to_one_thread
+from icmj.base.blas_threads import limit_to_one_thread
 from icmj.case.case import Case, PlantKind, expect_rule, expect_theory, open_loop, simulate
 from icmj.case.result import AmplitudeLaw, Attractor, Growth
 from icmj.controller.controller import Controller, Law

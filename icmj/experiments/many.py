@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, instants, naturals
-from icmj.base.numbers import Card, WithCard
+from icmj.base.card import Card, WithCard
 from icmj.case.case import Case, PlantKind, prepare, revise, simulate, simulate_plant
 from icmj.case.plants import linear_plant
 from icmj.controller.controller import has_trigger

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, steps_in
-from icmj.base.numbers import Card, WithCard
+from icmj.base.card import Card, WithCard
 from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.errors import AnalysisError, DataError
 from icmj.plant.linear_plant import LinearPlant, Match, match_ports

@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, between
-from icmj.base.numbers import Card, WithCard, readable
+from icmj.base.card import Card, WithCard
+from icmj.base.numbers import readable
 from icmj.errors import AnalysisError, DataError
 from icmj.measurement.statistics import FEWEST, Modality, cut_windows, modality
 from icmj.measurement.sway import MEASURES, sway_numbers

@@ -21,7 +21,8 @@ from typing import Protocol
 import numpy as np
 
 from icmj.base.array import Array, between, steps_in
-from icmj.base.numbers import Card, WithCard, amount
+from icmj.base.card import Card, WithCard
+from icmj.base.numbers import amount
 from icmj.controller.controller import Controller
 from icmj.controller.setpoint import StepPairs
 from icmj.errors import AnalysisError, DataError, expect

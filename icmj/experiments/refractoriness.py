@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, between
-from icmj.base.numbers import Card, WithCard, amount
-from icmj.base.process import ignore_warnings
+from icmj.base.blas_threads import ignore_warnings
+from icmj.base.card import Card, WithCard
+from icmj.base.numbers import amount
 from icmj.errors import DataError
 
 LEVEL = 0.05  # of the analysis of variance and of what follows it

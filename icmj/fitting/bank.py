@@ -23,8 +23,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from icmj.base.array import Array, read_parquet
-from icmj.base.process import limit_to_one_thread
+from icmj.base.array import Array
+from icmj.base.blas_threads import limit_to_one_thread
+from icmj.base.parquet import read_parquet
 from icmj.base.text import one_line, parse_json
 from icmj.errors import FitError, IcmjError
 from icmj.fitting.family import DURATION, RATE, TRIALS, Family, Prior, load_family

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.base.process import limit_to_one_thread
+from icmj.base.blas_threads import limit_to_one_thread
 from icmj.case.case import check_names
 from icmj.case.plants import actual_plant, assumed_plant, controller_of, digests, linear_plant
 from icmj.controller.controller import Law, has_trigger

@@ -22,7 +22,7 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from icmj.base.array import Array, between
-from icmj.base.process import limit_to_one_thread
+from icmj.base.blas_threads import limit_to_one_thread
 from icmj.case.case import Case, PlantKind, Theory, expect_rule, simulate
 from icmj.cycle.cycle import find_cycle
 from icmj.errors import IcmjError, IdentificationError

@@ -30,8 +30,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, read_npz
+from icmj.base.array import Array
 from icmj.base.files import whole
+from icmj.base.npz import read_npz
 from icmj.base.text import one_line, parse_json
 from icmj.errors import FitError
 from icmj.fitting.network import Misfit, Network, SeenSummaries, Tell, train

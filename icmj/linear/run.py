@@ -16,8 +16,10 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, from_powers
-from icmj.base.process import defer_interrupt, limit_to_one_thread
+from icmj.base.array import Array
+from icmj.base.bernstein import from_powers
+from icmj.base.blas_threads import limit_to_one_thread
+from icmj.base.interruption import defer_interrupt
 from icmj.controller.controller import Law, has_trigger
 from icmj.controller.realisation import Realisation
 from icmj.linear.loop import positions_of

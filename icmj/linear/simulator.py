@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.process import defer_interrupt
+from icmj.base.interruption import defer_interrupt
 from icmj.controller.controller import Controller, compose, start_state
 from icmj.linear.loop import LinearLoop, forcing, linear_loop
 from icmj.linear.native.motion import FRESH, Acting, Count, Now, Run, Tables

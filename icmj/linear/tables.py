@@ -27,7 +27,8 @@ from math import comb, factorial, prod
 import numpy as np
 from numpy.polynomial.chebyshev import cheb2poly, chebvander
 
-from icmj.base.array import Array, economise, from_powers
+from icmj.base.array import Array
+from icmj.base.bernstein import economise, from_powers
 from icmj.linear.loop import Forcing, LinearLoop
 from icmj.linear.native.motion import Acting, Tables
 from icmj.simulation.disturbance import Waves, coefficients, enough, nodes, on_parts

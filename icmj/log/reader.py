@@ -26,8 +26,10 @@ from typing import IO, Any, get_args
 from urllib.parse import quote
 
 from icmj.base.array import between
+from icmj.base.blas_threads import ignore_warnings
+from icmj.base.bounded_program import run_bounded
 from icmj.base.files import is_file_name, replaceable, write_bytes
-from icmj.base.process import ignore_warnings, interrupt_once, run_bounded, terminable
+from icmj.base.interruption import interrupt_once, terminable
 from icmj.base.text import did_you_mean, one_line
 from icmj.case.case import PlantKind
 from icmj.case.result import Result

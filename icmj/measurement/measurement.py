@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array
-from icmj.base.numbers import Card, WithCard, amount, amounts
-from icmj.base.process import limit_to_one_thread
+from icmj.base.blas_threads import limit_to_one_thread
+from icmj.base.card import Card, WithCard
+from icmj.base.numbers import amount, amounts
 from icmj.measurement.statistics import statistics
 from icmj.simulation.simulation import Simulation
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from icmj.base.array import RELATIVE_ROUNDING, Array, between
-from icmj.base.numbers import Card, WithCard, amount
+from icmj.base.card import Card, WithCard
+from icmj.base.numbers import amount
 from icmj.errors import DataError
 from icmj.measurement.ellipse import Ellipse, prediction_ellipse, prediction_range
 from icmj.measurement.power_distribution import Frequencies, frequencies

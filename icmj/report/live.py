@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from icmj.base import VERSION
+from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.files import write_text
-from icmj.base.process import limit_to_one_thread
 from icmj.base.text import one_line
 from icmj.case.case import Case, Theory, expect_rule, expect_theory
 from icmj.case.plants import AnyPlant

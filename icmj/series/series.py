@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.numbers import MISSING, Card, WithCard, amount
+from icmj.base.card import Card, WithCard
+from icmj.base.numbers import MISSING, amount
 from icmj.errors import DataError
 
 if TYPE_CHECKING:

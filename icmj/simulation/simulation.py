@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, between, instants
-from icmj.base.numbers import Card, WithCard, amount, amounts, count
+from icmj.base.card import Card, WithCard
+from icmj.base.numbers import amount, amounts, count
 from icmj.controller.controller import Controller
 from icmj.controller.setpoint import Setpoint
 from icmj.plant.linear_plant import LinearPlant, Push

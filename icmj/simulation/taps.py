@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from icmj.base.array import Array, from_powers
+from icmj.base.array import Array
+from icmj.base.bernstein import from_powers
 from icmj.base.roots import DEEPEST
 from icmj.base.text import one_line
 from icmj.controller.controller import Law

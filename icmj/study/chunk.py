@@ -20,8 +20,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from icmj.base.array import Array, between
+from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.numbers import Fact, Kind, collect_facts
-from icmj.base.process import limit_to_one_thread
 from icmj.base.text import one_line
 from icmj.case.case import (
     Case,

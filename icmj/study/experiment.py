@@ -27,10 +27,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from icmj.base.array import between, read_parquet
+from icmj.base.array import between
+from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.files import whole, write_bytes, write_text
 from icmj.base.numbers import plain
-from icmj.base.process import limit_to_one_thread
+from icmj.base.parquet import read_parquet
 from icmj.case.case import Case, PlantKind, expect_rule, prepare, simulate
 from icmj.case.plants import digests
 from icmj.controller.controller import continuous_limit

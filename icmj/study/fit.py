@@ -24,8 +24,9 @@ from pathlib import Path
 
 import numpy as np
 
-from icmj.base.array import Array, read_npz
+from icmj.base.array import Array
 from icmj.base.files import ready
+from icmj.base.npz import read_npz
 from icmj.base.text import one_line
 from icmj.errors import FitError, IcmjError
 from icmj.fitting.bank import Bank, simulate_bank

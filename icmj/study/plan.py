@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.process import ignore_warnings
+from icmj.base.blas_threads import ignore_warnings
 from icmj.case.plants import digests, references
 from icmj.errors import RunFileError, SweepError
 from icmj.runfile.schema import RunFile

@@ -27,8 +27,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from icmj.base.array import read_parquet
 from icmj.base.files import regular
+from icmj.base.parquet import read_parquet
 from icmj.base.text import one_line
 from icmj.case.case import Case, PlantKind, expect_measures, measure_own, prepare, simulate
 from icmj.case.result import SweepTable, rule_unit

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from icmj.base.array import Array, falling, leading, maxima
+from icmj.base.array import Array, falling, leading
+from icmj.base.bernstein import maxima
 from icmj.controller.controller import Controller, compose
 from icmj.controller.design import system_matched
 from icmj.controller.trigger import EventRule, Faces

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import RELATIVE_ROUNDING, Array, falling, leading
-from icmj.base.numbers import Card, Fact, WithCard, amount, eigenvalue, ordinal
-from icmj.base.process import limit_to_one_thread
+from icmj.base.blas_threads import limit_to_one_thread
+from icmj.base.card import Card, WithCard
+from icmj.base.numbers import Fact, amount, eigenvalue, ordinal
 from icmj.controller.controller import Controller
 from icmj.controller.design import system_matched
 from icmj.controller.trigger import ClockTrigger, EventRule, expect_rule

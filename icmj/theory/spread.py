@@ -25,8 +25,9 @@ import numpy as np
 from scipy.linalg import block_diag, expm
 
 from icmj.base.array import Array, real
-from icmj.base.numbers import Card, WithCard, amount, number
-from icmj.base.process import limit_to_one_thread
+from icmj.base.blas_threads import limit_to_one_thread
+from icmj.base.card import Card, WithCard
+from icmj.base.numbers import amount, number
 from icmj.controller.trigger import EventRule, Faces
 from icmj.errors import AnalysisError
 from icmj.theory.error_system import ErrorSystem

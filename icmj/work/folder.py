@@ -203,7 +203,7 @@ class Folder:
         Raises:
             IcmjError: of the class of this folder, if one does.
         """
-        from icmj.base.array import FATAL, find_fatal  # numpy, which a folder does not need
+        from icmj.base.parquet import FATAL, find_fatal
 
         if (fatal := find_fatal(paths)) is not None:
             raise self._error(f"{fatal}: cannot be read ({FATAL}); remove it, and it is {self._again} again")

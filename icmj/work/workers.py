@@ -30,8 +30,9 @@ from threading import Thread
 from traceback import extract_tb
 from typing import IO, Any, Protocol
 
-from icmj.base import process
-from icmj.base.process import collect_garbage_seldom, ignore_warnings, one_thread
+from icmj.base import compile_clock, process
+from icmj.base.blas_threads import ignore_warnings, one_thread
+from icmj.base.process import collect_garbage_seldom
 from icmj.base.text import one_line
 from icmj.errors import IcmjError, StudyError, SweepError, beyond_arithmetic, beyond_memory
 
@@ -109,7 +110,7 @@ class _Worker:
             _write(dumps((task.function, task.arguments)), self._requests)
 
     def end(self) -> None:
-        process.end_compiling(self, altogether=True)
+        compile_clock.end_compiling(self, altogether=True)
         with suppress(OSError):
             self._requests.close()  # at which it ends by itself, should it ignore the signal
         self.process.terminate()
@@ -205,7 +206,7 @@ class Workers:
             )
         kind, value = loads(content)
         if kind == "compiling":
-            process.begin_compiling(worker) if value else process.end_compiling(worker, altogether=True)
+            compile_clock.begin_compiling(worker) if value else compile_clock.end_compiling(worker, altogether=True)
         if index is None or kind == "compiling":
             return None
         if kind == "progress":
@@ -227,7 +228,7 @@ def serve() -> None:
         os.dup2(nothing, stream)
     collect_garbage_seldom()
     process.load_matplotlib_apart()
-    process.listen_to_compiling(lambda begun: _write(dumps(("compiling", begun)), replies))
+    compile_clock.listen_to_compiling(lambda begun: _write(dumps(("compiling", begun)), replies))
     tasks = SimpleQueue[bytes]()
     Thread(target=_listen, args=(requests, tasks), daemon=True).start()
     with suppress(OSError):

@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial import Chebyshev, Polynomial
 from scipy.interpolate import BPoly
 
-from icmj.base.array import economise, from_powers, halves
+from icmj.base.bernstein import economise, from_powers, halves
 
 a = np.array([0.3, -1.2, 0.7, 0.1, -0.4])
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from html.parser import HTMLParser
 
-from icmj.base.numbers import Card, WithCard
+from icmj.base.card import Card, WithCard
 
 
 @dataclass(frozen=True, repr=False)

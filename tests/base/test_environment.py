@@ -14,7 +14,7 @@ from patience import PATIENCE
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import icmj
-from icmj.base.process import ignore_warnings, limit_to_one_thread, one_thread
+from icmj.base.blas_threads import ignore_warnings, limit_to_one_thread, one_thread
 from icmj.work.workers import processors
 
 
@@ -118,4 +118,4 @@ def test_what_python_says_is_as_before_when_the_last_thread_has_left() -> None:
 def test_nobody_else_changes_what_python_says() -> None:
     sources = Path(icmj.__file__).parent.rglob("*.py")
     found = {path.name for path in sources if "catch_warnings" in path.read_text(encoding="utf-8")}
-    assert found == {"process.py", "main.py"}  # the command line asks once, in its only thread
+    assert found == {"blas_threads.py", "main.py"}  # the command line asks once, in its only thread

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fuzz_cases import mutate_bytes
 
-from icmj.base.array import read_npz
+from icmj.base.npz import read_npz
 
 
 @pytest.mark.parametrize("save", [np.savez, np.savez_compressed])

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from icmj.base.array import read_parquet
+from icmj.base.parquet import read_parquet
 
 
 def content(table: pa.Table) -> bytes:

@@ -7,7 +7,7 @@ from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
 from icmj.base import roots
-from icmj.base.array import from_powers
+from icmj.base.bernstein import from_powers
 
 
 # what is compiled for compiled code alone has no way in from Python

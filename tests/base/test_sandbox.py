@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from icmj.base.process import run_bounded
+from icmj.base.bounded_program import run_bounded
 
 resource = pytest.importorskip("resource")
 KINDS = ("AS", "CPU", "DATA", "STACK", "CORE")
@@ -34,7 +34,7 @@ def test_a_limit_that_the_system_refuses_is_left_out() -> None:
     """As every limit on memory is on macOS; here one above what this process may set itself."""
     program = f"""
 import resource, sys
-from icmj.base.process import run_bounded
+from icmj.base.bounded_program import run_bounded
 resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))
 done = run_bounded([sys.executable, "-c", {TELL!r}], 60.0, addresses=3 << 30, processor=7)
 sys.exit(done.stderr)
@@ -59,6 +59,6 @@ def test_whatever_may_crash_runs_in_this_one_sandbox(root: Path) -> None:
         for path in (root / "icmj").rglob("*.py")
         if "subprocess.run(" in (text := path.read_text(encoding="utf-8")) or "Popen(" in text
     }
-    assert starts == {"base/process.py", "work/workers.py", "log/reader.py"}
-    used = {"engine/safety.py", "series/formats/c3d.py", "log/reader.py", "base/array.py"}
+    assert starts == {"base/bounded_program.py", "work/workers.py", "log/reader.py"}
+    used = {"engine/safety.py", "series/formats/c3d.py", "log/reader.py", "base/parquet.py"}
     assert all("run_bounded(" in (root / "icmj" / name).read_text(encoding="utf-8") for name in used)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from icmj.base.process import EndRequest, Termination, interrupt_once, terminable
+from icmj.base.interruption import EndRequest, Termination, interrupt_once, terminable
 
 
 def sent(signum: int) -> None:

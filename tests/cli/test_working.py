@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 from patience import PATIENCE
 
-from icmj.base import process
+from icmj.base import compile_clock
 from icmj.cli import terminal
 from icmj.cli.terminal import Terminal
 
@@ -27,7 +27,7 @@ class Clock:
 def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clock]:
     clock = Clock()
     monkeypatch.setattr(terminal, "time", clock)
-    monkeypatch.setattr(process, "time", clock)
+    monkeypatch.setattr(compile_clock, "time", clock)
     return clock
 
 
@@ -81,18 +81,18 @@ def test_a_few_seconds_and_a_small_part_tell_nothing(clock: Clock) -> None:
 
 
 def test_compiling_is_no_work(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(process, "USUAL", process.spent() + 10)
+    monkeypatch.setattr(compile_clock, "USUAL", compile_clock.spent() + 10)
     remaining = terminal.Remaining()
     remaining.note(0.0)
     clock.now += 4
     remaining.note(0.1)
-    process.begin_compiling()
+    compile_clock.begin_compiling()
     clock.now += 7
     assert remaining.seconds() == pytest.approx(36 + 3)
     assert terminal._compilation() == "compiling (first run only, about 3 s)"
     clock.now += 20
     assert terminal._compilation() == "compiling (first run only)"
-    process.end_compiling()
+    compile_clock.end_compiling()
     assert terminal._compilation() == ""
     clock.now += 4
     remaining.note(0.2)

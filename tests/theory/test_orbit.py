@@ -7,7 +7,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
 from theory_cases import SHIPPED, random_systems, shipped
 
-from icmj.base.array import maxima
+from icmj.base.bernstein import maxima
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.errors import AnalysisError
 from icmj.theory.crossings import search

@@ -21,8 +21,8 @@ from typing import BinaryIO
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.bounded_program import run_bounded
 from icmj.base.files import open_file
-from icmj.base.process import run_bounded
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.c3d_reader import REFUSED

@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from icmj.base.array import each_npz, npz_headers, read_npz
+from icmj.base.npz import each_npz, npz_headers, read_npz
 from icmj.errors import DataError
 from icmj.series.columns import MOST_NUMBERS, choose_columns
 from icmj.series.series import Series

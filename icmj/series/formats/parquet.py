@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
-from icmj.base.array import Array, refuse_fatal
+from icmj.base.array import Array
+from icmj.base.parquet import refuse_fatal
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.columns import choose_columns

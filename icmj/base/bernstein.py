@@ -1,0 +1,123 @@
+"""Polynomials on [0, 1] in Bernstein form: the matrices that lead to it and halve it, and their maxima.
+
+A polynomial lies in the convex hull of its Bernstein coefficients, so these bound it without sampling it; halving
+the interval makes the bound converge quadratically. Points of R^r work alike: the norm of a polynomial curve is at
+most the largest norm of its control points. That is how a whole integration step is decided at once. First roots and
+extremes are found so in compiled code (:mod:`icmj.base.roots`), and here the maxima of many polynomials at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from math import comb
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    pass
+
+from icmj.base.array import Array
+
+
+@lru_cache(maxsize=64)
+def from_powers(degree: int) -> Array:
+    """Matrix from power coefficients a_j (of θ^j) to Bernstein coefficients, shape (degree + 1, degree + 1).
+
+    All entries lie in [0, 1], so the conversion in this direction loses no accuracy.
+    """
+    return np.array([[comb(i, j) / comb(degree, j) for j in range(degree + 1)] for i in range(degree + 1)])
+
+
+@lru_cache(maxsize=64)
+def halves(degree: int) -> tuple[Array, Array]:
+    """De Casteljau's matrices from the coefficients on [0, 1] to those on [0, ½] and [½, 1]."""
+    left = np.array([[comb(i, j) / 2.0**i for j in range(degree + 1)] for i in range(degree + 1)])
+    return left, left[::-1, ::-1].copy()
+
+
+@lru_cache(maxsize=64)
+def economise(degree: int, highest: int) -> tuple[Array, Array]:
+    """Each power above ``degree`` as nearly the same polynomial of that degree: its Chebyshev series, cut there.
+
+    With the polynomials T*_n(θ) = T_n(2θ − 1), θ^j is 2^(1−2j) Σ_k C(2j, k) T*_{j−k}, the last term halved (Lanczos'
+    economization of power series).
+
+    Returns:
+        power coefficients by columns, for θ^(degree + 1) to θ^highest, shape (degree + 1, highest − degree); and bounds
+        of their errors on [0, 1], shape (highest − degree,).
+    """
+    chebyshev = [[1], [-1, 2]]
+    while len(chebyshev) <= degree:
+        last, before = chebyshev[-1], [*chebyshev[-2], 0, 0]
+        chebyshev.append(
+            [4 * up - 2 * here - then for up, here, then in zip([0, *last], [*last, 0], before, strict=True)]
+        )
+    columns, errors = [], []
+    for j in range(degree + 1, highest + 1):
+        column = [Fraction(0)] * (degree + 1)
+        for n, polynomial in enumerate(chebyshev[: degree + 1]):
+            share = Fraction(comb(2 * j, j - n), 2 ** (2 * j - 1) * (1 if n else 2))
+            for i, coefficient in enumerate(polynomial):
+                column[i] += share * coefficient
+        columns.append([float(of) for of in column])
+        errors.append(float(Fraction(sum(comb(2 * j, k) for k in range(j - degree)), 2 ** (2 * j - 1))))
+    return np.array(columns).reshape(-1, degree + 1).T, np.array(errors)
+
+
+@dataclass(frozen=True, eq=False)
+class Maxima:
+    """Largest value of each group of polynomials.
+
+    Attributes:
+        value: shape (G,).
+        cell: index of the polynomial that attains it, shape (G,).
+        s: where on [0, 1] in that cell, shape (G,).
+    """
+
+    value: Array
+    cell: np.ndarray
+    s: Array
+
+
+def maxima(coefficients: Array, tolerance: float = 1e-14) -> Maxima:
+    """Maximum over all cells of each group.
+
+    Args:
+        coefficients: by rising power of s ∈ [0, 1], shape (d + 1, cells, groups).
+        tolerance: gap between bound and value at which to stop, relative to the largest coefficient of the group.
+
+    Returns:
+        for each group the largest value, its cell and its place.
+    """
+    d, cells, groups = coefficients.shape[0] - 1, coefficients.shape[1], coefficients.shape[2]
+    ends = np.concatenate([coefficients[0], coefficients.sum(axis=0)])  # values at both ends of every cell
+    at = ends.argmax(axis=0)
+    value = ends[at, np.arange(groups)]
+    cell, s = at % cells, (at >= cells).astype(float)
+    size = np.abs(coefficients)
+    slack = tolerance * size.max(axis=(0, 1))
+    # most cells fall to this cheap bound, before any Bernstein coefficient is computed
+    index, group = np.nonzero(coefficients[0] + size[1:].sum(axis=0) > value + slack)
+    b = from_powers(d) @ coefficients[:, index, group]
+    start, width = np.zeros(b.shape[1]), 1.0
+    left, right = halves(d)
+    for _ in range(60):
+        open_ = b.max(axis=0) > value[group] + slack[group]
+        if not open_.any():
+            break
+        b, group, index, start = b[:, open_], group[open_], index[open_], start[open_]
+        b = np.concatenate([left @ b, right @ b], axis=1)
+        width /= 2
+        start = np.concatenate([start, start + width])
+        group, index = np.tile(group, 2), np.tile(index, 2)
+        middle = b[0]
+        # ascending order, so that the last write to a group is its best
+        order = np.argsort(middle, kind="stable")
+        better = order[middle[order] > value[group[order]]]
+        value[group[better]] = middle[better]
+        cell[group[better]] = index[better]
+        s[group[better]] = start[better]
+    return Maxima(value, cell, s)
