@@ -168,7 +168,7 @@ def fit_response(u: Array, r: Array, step: float, order: tuple[int, int] | None 
 
 
 def fit_order(u: Array, r: Array, step: float, p: int, q: int) -> FittedResponse | None:
-    """The model of one order; ``None`` where it is not stable."""
+    """The model of one order; ``None`` where it is not stable, or the control does not move."""
     from scipy.signal import lfilter
 
     N, a, best, u, r = len(u), np.zeros(p), None, u - u[0], r - r[0]
@@ -189,7 +189,10 @@ def fit_order(u: Array, r: Array, step: float, p: int, q: int) -> FittedResponse
     if best is None:
         return None
     sigma2, a, b = best
-    bic = N * np.log(sigma2 + _FLOOR * u.var()) + (p + q + 1) * np.log(N)
+    power = sigma2 + _FLOOR * float(u.var())
+    if not power > 0:
+        return None
+    bic = N * np.log(power) + (p + q + 1) * np.log(N)
     return FittedResponse(a, b, step, float(np.sqrt(sigma2)), float(bic))
 
 

@@ -212,7 +212,7 @@ def trials_of(series: Series, column: str, *, unit: str | None = None) -> tuple[
     if own < _SLOWEST * (1 - EVEN):
         raise FitError(f"{name}: {own:.3g} rows a second; expected at least {_SLOWEST:g}, better {RATE:g}")
     _see_it_stands(name, known, t, x, 1 / own)
-    notes = [even.facts["load"]] if "load" in even.facts else []
+    notes = [even.facts[key] for key in ("load", "cut", "ends") if key in even.facts]
     if abs(own - RATE) > EVEN * RATE:
         notes.append(f"resampled from {own:.4g} to {RATE:g} Hz")
         x = even_series(even, RATE).values[:, 0] * metre

@@ -37,6 +37,8 @@ _GROUPED = {  # one whose thousands are separated by the other sign
 }
 _SMALL = re.compile(rf"{_SIGN}\d{{1,3}}")
 _WITH_WORDS = re.compile(rf"{_SIGN}\d+([.,]\d+)?\s*[^\W\d]+[^\d]*")
+_WITH_UNIT = re.compile(rf"(?P<number>{_SIGN}[\d.,]+{_POWER})\s*(?P<unit>[^\W\d_].*|[°%])")
+_BEGUN = re.compile(rf"{_SIGN}[\d.,]*([eEdD][-+]?\d*)?")  # as much of a number as there may be where a line ends early
 _SPLIT = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")  # names between blanks, each with its unit
 _FORTRAN = re.compile(rb"(?<=[\d.])[dD](?=[-+]?\d)")
 _POINTED, _THOUSANDS = re.compile(rb"\d[\d.]*\.\d+"), re.compile(rb"[1-9]\d{0,2}(\.\d{3})+")
@@ -51,6 +53,7 @@ class TableForm:
     Attributes:
         headers: of all columns; "" where there is none.
         units: of all columns, from a row of units below the names; "" where there is none.
+        cell_units: of all columns, that which each number has behind it; "" where they have none.
         numeric: which columns hold numbers; a column without a name and a number is none, nor are numbers of rows.
         texts: places of the columns of text.
         faults: what is no number in a column of numbers, or has a word in each cell, by the place of the column.
@@ -59,12 +62,14 @@ class TableForm:
         grouped: whether the other of these signs separates thousands.
         fortran: whether powers of ten are written with D.
         undecided: whether no number in these lines has a sign, so that a later point may separate thousands.
+        decimals: the fewest digits behind the decimal sign in each column, those of a power of ten among them.
         first: the line where numbers begin, counted from 1.
         offset: where that is in the file [bytes].
     """
 
     headers: tuple[str, ...]
     units: tuple[str, ...]
+    cell_units: tuple[str, ...]
     numeric: tuple[bool, ...]
     texts: tuple[int, ...]
     faults: dict[int, str]
@@ -73,8 +78,28 @@ class TableForm:
     grouped: bool
     fortran: bool
     undecided: bool
+    decimals: tuple[int, ...]
     first: int
     offset: int
+
+    def ends_midway(self, line: bytes) -> bool:
+        """Whether a line without an end lacks fields, or digits that every number in its column has.
+
+        A line that is something else, such as a remark below the table, does not.
+        """
+        cells, width = _fields(_Line(0, line.decode(errors="replace").strip(), 0), self.delimiter), len(self.headers)
+        known = [cells[i] for i in range(min(len(cells), width) - 1) if self.numeric[i]]
+        if not all(_is_number(_split(cell)[0], self.decimal) or cell.lower() in MISSING for cell in known):
+            return False
+        at, cell = len(cells) - 1, cells[-1]
+        if at >= width or not self.numeric[at]:
+            return len(cells) < width
+        begun, unit = _BEGUN.match(cell), self.cell_units[at]
+        assert begun is not None  # it takes nothing, too
+        if not unit.startswith(rest := cell[begun.end() :].strip()):
+            return False
+        ended = rest == unit and (_is_number(begun.group(), self.decimal) or not cell)
+        return len(cells) < width or not ended or (cell != "" and _decimals(cell, self.decimal) < self.decimals[at])
 
     def refuse_thousands(self, rows: bytes) -> None:
         """See that a point in some later rows is that of decimals, where no line before has told what it is.
@@ -114,10 +139,11 @@ class _Line:
 
 @dataclass(frozen=True)
 class _Run:
-    """Successive lines with as many fields each, and a number in each."""
+    """Successive lines with as many fields each, and a number in each; one unit all along a column is taken out."""
 
     lines: tuple[_Line, ...]
     rows: tuple[tuple[str, ...], ...]
+    units: tuple[str, ...]
     delimiter: str
     decimal: str
 
@@ -153,7 +179,9 @@ def find_form(text: bytes) -> TableForm:
     lines = [line for line in _lines(text) if line.words]
     if not lines:  # what Python counts as blanks and bytes do not
         raise DataError("the file is empty")
-    found = [run for delimiter in ";\t, " for decimal in ".," if (run := _longest(lines, delimiter, decimal))]
+    found: list[_Run] = []
+    for told in [lines] if text.endswith((b"\n", b"\r")) else [lines[:-1], lines]:  # the last line may end midway
+        found = found or [run for sign in ";\t, " for decimal in ".," if (run := _longest(told, sign, decimal))]
     if not found:
         last = one_line(lines[-1].words, 60)
         raise DataError(f"no rows of numbers in its first {lines[-1].number} lines (the last is {last!r})")
@@ -167,7 +195,10 @@ def find_form(text: bytes) -> TableForm:
     fortran = any(_FORTRAN.search(cell.encode()) for cell in cells if _is_number(cell, best.decimal))
     undecided = best.delimiter != "," and not any("." in cell or "," in cell for cell in cells)
     signs = best.delimiter, best.decimal, grouped, fortran, undecided
-    return TableForm(headers, units, numeric, texts, faults, *signs, first.number, first.offset)
+    decimals = tuple(min(_decimals(cell, best.decimal) for cell in best.column(i)) for i in range(best.width))
+    return TableForm(
+        headers, units, best.units, numeric, texts, faults, *signs, decimals, first.number, first.offset
+    )  # fmt: skip
 
 
 def _lines(text: bytes) -> list[_Line]:
@@ -195,14 +226,33 @@ def _longest(lines: Sequence[_Line], delimiter: str, decimal: str) -> _Run | Non
         row = () if line.remark or (delimiter not in line.words and delimiter != " ") else _fields(line, delimiter)
         if run and (len(row) != len(run[0][1]) or len(run) * len(row) > _CELLS):
             best, run = max(best, run, key=len), []
-        if row and any(_is_number(cell, decimal) for cell in row):
+        if row and any(_is_number(_split(cell)[0], decimal) for cell in row):
             run.append((line, row))
         else:
             best, run = max(best, run, key=len), []
     best = max(best, run, key=len)
     if not best:
         return None
-    return _Run(tuple(line for line, _ in best), tuple(row for _, row in best), delimiter, decimal)
+    columns, units = zip(*(_take_unit(cells) for cells in zip(*(row for _, row in best), strict=True)), strict=True)
+    return _Run(tuple(line for line, _ in best), tuple(zip(*columns, strict=True)), units, delimiter, decimal)
+
+
+def _take_unit(cells: tuple[str, ...]) -> tuple[tuple[str, ...], str]:
+    """The cells of a column without the one unit that all its numbers have behind them, and this unit; else ""."""
+    split = [_split(cell) for cell in cells]
+    units = {unit for cell, (_, unit) in zip(cells, split, strict=True) if cell.lower() not in MISSING}
+    return (tuple(number for number, _ in split), units.pop()) if len(units) == 1 and "" not in units else (cells, "")
+
+
+def _split(cell: str) -> tuple[str, str]:
+    """A number and the unit behind it; the cell as it is and "" where it has none."""
+    found = _WITH_UNIT.fullmatch(cell)
+    return (found["number"], found["unit"]) if found and is_unit(found["unit"]) else (cell, "")
+
+
+def _decimals(cell: str, decimal: str) -> int:
+    """Digits behind the decimal sign, those of a power of ten among them."""
+    return sum(sign.isdigit() for sign in cell.partition(decimal)[2])
 
 
 def _fields(line: _Line, delimiter: str) -> tuple[str, ...]:

@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.base.numbers import count
 from icmj.errors import DataError
 from icmj.series.interpolation import CLOSE, piecewise
 from icmj.series.series import EVEN, Series, steady
 
 MOST_ROWS = 5e6  # of an even series; measuring two signals of so many takes a gigabyte and a half
 LARGEST, LONGEST = 1e50, 1e12  # of a value, whatever its unit; of a step [s], and of its inverse
+LONGEST_END = 0.5  # s that may be missing at an end; ours: within more, somebody may step on a plate
 GAP = 2.5  # steps: a distance between rows beyond which nobody knows what was there
 PASSED = 0.4  # of a lower rate, below which signals are taken over
 _EDGE = 15  # rows by which a filter continues a record at its ends, SciPy's own number
@@ -74,12 +76,15 @@ def expect_rate(series: Series, rate: float | None) -> Series:
 def even_series(series: Series, rate: float | None = None) -> Series:
     """``series`` at even times: as it is where its times are even already, else by a cubic spline through its rows.
 
+    Rows within half a second of its beginning or end in which values are missing are left out, which the fact ``ends``
+    says; not so where nobody stands on a plate, as stepping on it is no sway.
+
     Of a run, by one spline for each open-loop interval. For a rate below that of its rows, what is faster than 0.4
     times the new rate is filtered out first, as it would appear as something slow (Butterworth, fourth order, run
     forward and backward); not so of a run, whose signals jump.
 
     Args:
-        series: its values may not be missing.
+        series: its values may not be missing elsewhere.
         rate: rows per second [Hz]; that of the rows by default.
 
     Returns:
@@ -88,6 +93,7 @@ def even_series(series: Series, rate: float | None = None) -> Series:
     Raises:
         DataError: if values are missing, rows are too few, there is a gap between them, or the rate is unusable.
     """
+    series = _leave_out_ends(series)
     check_complete(series)
     steps = np.diff(series.t)
     usual = float(np.median(steps))
@@ -123,6 +129,23 @@ def _hold_back(values: Array, corner: float) -> Array:
 
     length = min(_EDGE, len(values) - 1)
     return np.asarray(sosfiltfilt(butter(4, corner, fs=1.0, output="sos"), values, axis=0, padlen=length), float)
+
+
+def _leave_out_ends(series: Series) -> Series:
+    missing = np.isnan(series.values)
+    known = np.flatnonzero(~missing.any(axis=1))
+    if not missing.any() or not len(known) or "load" in series.facts:
+        return series
+    first, last = known[0], known[-1]
+    if max(series.t[first] - series.t[0], series.t[-1] - series.t[last]) > LONGEST_END:
+        return series
+    sides = (first, "at its beginning"), (len(series) - 1 - last, "at its end")
+    ends = [f"{count(int(rows), 'row')} {where}" for rows, where in sides if rows]
+    gone = np.r_[:first, last + 1 : len(series)]
+    names = [name for name, lost in zip(series.names, missing[gone].T, strict=True) if lost.any()]
+    said = f"left out: {' and '.join(ends)}, where {', '.join(names)} has no value"
+    kept = replace(series, t=series.t[first : last + 1], values=series.values[first : last + 1])
+    return replace(kept, facts={**series.facts, "ends": said}) if ends else series
 
 
 def check_complete(series: Series, fewest: int = 2) -> None:

@@ -44,6 +44,8 @@ REMARKS = {
     "load": "",
     "part": "",
     "left out": "",
+    "cut": "",
+    "ends": "",
     "resampled": "resampled by a ",
 }  # facts that people are told, and the words before them
 

@@ -290,3 +290,11 @@ def test_refractory_durations_put_in_come_out_with_noise_and_a_continuous_person
             assert told.kind == ("event" if delta else "continuous")
             missed += bool(delta) and delta not in refractoriness(pairs.isi, seen.rt, seed=person).fixed
     assert missed <= 2
+
+
+def test_a_control_that_stays_as_it_is_has_no_model_of_a_response():
+    """The logarithm of its power, 0, was taken: a warning, and a criterion of −∞."""
+    r = np.where(np.arange(200) < 20, 0.0, 1.0)
+    for u in (np.full(200, 0.3), 1e-200 * r):  # squares of the latter underflow
+        with pytest.raises(DataError, match="no stable linear model fits the record"):
+            fit_response(u, r, ROWS)

@@ -73,6 +73,10 @@ READ = {
         "t [s],time since start [s],ap [mm],ml [mm]", [(row[0], f"{row[0] + 5:.4f}", *row[1:]) for row in ROWS]
     ),
     "numbered frames": table("frame," + HEAD, [(str(7 + i), *row) for i, row in enumerate(ROWS)]),
+    "a unit behind each number": table("t [s],ap,ml [mm]", [(t, f"{a:.4f} mm", f"{m:.4f}mm") for t, a, m in ROWS]),
+    "a unit behind each number, times too": table(
+        "t;ap;ml", [tuple(f"{v:.4f} {u}" for v, u in zip(row, ("s", "mm", "mm"), strict=True)) for row in ROWS], ";"
+    ).replace(".", ","),
     "a column of text": table("t [s],ap [mm],eyes,ml [mm]", [(t, a, "open", m) for t, a, m in ROWS]),
 }
 
@@ -134,7 +138,17 @@ ASKED = {
     "times of the day": (
         table("time,ap [mm],ml [mm]", [(f"00:00:{t:05.2f}", a, m) for t, a, m in ROWS]), "no column of times"
     ),
-    "numbers with units": (table("t [s],ap", [(t, f"{a:.2f} mm") for t, a, _ in ROWS]), "ap: '.* mm' is no number"),
+    "numbers with two units": (
+        table("t [s],ap", [(t, f"{a:.2f} {'cm' if i == 7 else 'mm'}") for i, (t, a, _) in enumerate(ROWS)]),
+        "ap: '.* mm' is no number; write the unit in the name",
+    ),
+    "numbers with another unit later": (
+        table("t [s],ap", [(t, f"{a:.2f} {'cm' if i == 300 else 'mm'}") for i, (t, a, _) in enumerate(ROWS)]),
+        "'.* cm' is not in mm, as the cells above it are",
+    ),
+    "numbers with another unit than their name": (
+        table("t [s],ap [cm]", [(t, f"{a:.2f} mm") for t, a, _ in ROWS]), "cm in its name or below it, and mm behind"
+    ),
     "a word among numbers": (
         table(HEAD, [(t, "gap" if i == 3 else a, m) for i, (t, a, m) in enumerate(ROWS)]), "ap: 'gap' is no number"
     ),
@@ -248,3 +262,43 @@ def test_columns_without_names_are_called_by_their_place(tmp_path):
     assert series["column 2"][300:].tolist() == [row[1] for row in rows[300:]]
     assert series["column 4"].tolist() == [row[3] for row in rows]
     assert series.facts["left out"] == "left out: column 3, which is text"
+
+
+@pytest.mark.parametrize("rows", [60, N])
+@pytest.mark.parametrize(("form", "unit"), [("{:.4f}", ""), ("{:.4e}", ""), ("{:.4f} mm", " mm")])
+def test_a_last_line_that_ends_midway_is_left_out_wherever_it_ends(form, unit, rows, tmp_path):
+    """Of 2.7091 there may be 2.7 left, which is a number as well; a cut between two digits of a column was believed."""
+    lines = ["t [s],ap [mm],ml [mm]", *(",".join([f"{t:.2f}", *map(form.format, row)]) for t, *row in ROWS[:rows])]
+    for left in range(1, len(lines[-1]) + 1):
+        (tmp_path / "sway.csv").write_text("\n".join([*lines[:-1], lines[-1][:left]]))
+        series = read_series(tmp_path / "sway.csv")
+        whole = left == len(lines[-1])
+        at = len(series) - 1
+        if not np.isnan(series.values[at]).any():  # a line that ends at a separator lacks a value, which is told later
+            np.testing.assert_allclose(series.values[at], [AP[at], ML[at]], atol=6e-5)
+        if len(series) == rows - 1:
+            assert series.remarks == ("left out: the last line, which ends midway",)
+        assert len(series) == rows or not whole
+        assert whole or len(series) == rows - 1 or lines[-1][left - 1] == ","
+
+
+@pytest.mark.parametrize("rest", ["end of file", "mean,0.1,0.2", "29.99,x"])
+def test_what_stands_below_a_table_is_no_line_that_ends_midway(rest, tmp_path):
+    (tmp_path / "sway.csv").write_text(table(HEAD, ROWS) + rest)
+    with pytest.raises(DataError, match="not a table of numbers"):
+        read_series(tmp_path / "sway.csv")
+
+
+@pytest.mark.parametrize("end", [0, -1])
+def test_values_that_are_missing_at_an_end_are_left_out_and_told(end, tmp_path, shell):
+    for rows, said in ((2, "left out: 2 rows at its {}, where ap has no value"), (51, "51 of 400 values are missing")):
+        lost = range(rows) if end == 0 else range(N - rows, N)
+        text = table(HEAD, [(t, "NaN" if i in lost else a, m) for i, (t, a, m) in enumerate(ROWS)])
+        (tmp_path / "sway.csv").write_text(text)
+        if rows == 2:
+            told = shell.answers(["measure", str(tmp_path / "sway.csv"), "--json"])
+            assert told["notices"] == [said.format("beginning" if end == 0 else "end")]
+            kept = slice(2, None) if end == 0 else slice(None, -2)
+            assert told["coordinates"][0]["rms"] == pytest.approx(AP[kept].std(), rel=1e-9)
+        else:
+            assert said in shell.refuses(["measure", str(tmp_path / "sway.csv")])

@@ -25,7 +25,7 @@ from icmj.base.bounded_program import run_bounded
 from icmj.base.files import open_file
 from icmj.base.text import one_line
 from icmj.errors import DataError
-from icmj.series.c3d_reader import REFUSED
+from icmj.series.c3d_reader import LEAST_LOAD, REFUSED
 from icmj.series.columns import MOST_NUMBERS
 from icmj.series.series import Series, place, see_names_differ
 
@@ -162,4 +162,8 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
     if group.values.size > MOST_NUMBERS:
         raise DataError(f"{group.values.size} numbers; expected at most {MOST_NUMBERS / 1e6:g} million")
     t = group.start + np.arange(len(group.values)) / group.rate
-    return Series(t, group.values, group.names, group.units)
+    centres = np.array([".cop." in name for name in group.names])
+    load = f"below {LEAST_LOAD:g} N a plate has no centre of pressure"
+    return Series(
+        t, group.values, group.names, group.units, {"load": load} if np.isnan(group.values[:, centres]).any() else {}
+    )

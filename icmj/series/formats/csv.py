@@ -8,18 +8,23 @@ from __future__ import annotations
 import codecs
 import io
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import DataError
-from icmj.series.columns import choose_columns
+from icmj.series.columns import choose_columns, name_and_unit
 from icmj.series.csv_table import HEAD, LONGEST_LINE, TableForm, find_form, missing_words
 from icmj.series.series import Series
+from icmj.series.units import canonical
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 SUFFIXES = (".csv",)
 MOST_COLUMNS = 2000
@@ -40,25 +45,38 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
     for i, words in form.faults.items():
         if i in form.texts and not columns:
             raise DataError(f"{headers[i]}: {words!r} is no number; write the unit in the name")
+    units = [_one_unit(*of) for of in zip(headers, form.units, form.cell_units, strict=True)]
     choice = choose_columns(
-        [headers[i] for i in numeric], [form.units[i] for i in numeric], columns, rate, left,
+        [headers[i] for i in numeric], [units[i] for i in numeric], columns, rate, left,
         {numeric.index(i): words for i, words in form.faults.items() if i in numeric},
     )  # fmt: skip
-    chosen = [str(numeric[i]) for i in choice.at]
+    chosen = [numeric[i] for i in choice.at]
     file.seek(form.offset)
     ends = [(text.count(b"\n"), text.count(b"\r")) for text in iter(lambda: file.read(PART), b"")]
     # a blank line ends, too; rows may be fewer, not more
     data = choice.room(max(map(sum, zip(*ends, strict=True)), default=0) + 1)
     file.seek(form.offset)
-    count = 0
+    count, cut = 0, ""
     for text in _parts(file):
+        if text.strip() and not text.endswith((b"\n", b"\r")) and form.ends_midway(text):
+            cut = "left out: the last line, which ends midway"
+            break
         form.refuse_thousands(text)
         rows = _numbers(text, form, chosen)
         if count + len(rows) > len(data):  # lines ended in both ways
             raise DataError("mixed line endings; save the file with one kind of line ending")
         data[count : count + len(rows)] = rows
         count += len(rows)
-    return choice.to_series(data[:count])
+    series = choice.to_series(data[:count])
+    return replace(series, facts={**series.facts, "cut": cut}) if cut else series
+
+
+def _one_unit(header: str, below: str, behind: str) -> str:
+    """The unit of a column beside that in brackets in its name: of a row of units, or behind its numbers."""
+    said = below or name_and_unit(header)[1]
+    if behind and said and canonical(behind) != canonical(said):
+        raise DataError(f"{header}: {said} in its name or below it, and {behind} behind its numbers; correct one")
+    return below or behind
 
 
 def _parts(file: BinaryIO) -> Iterator[bytes]:
@@ -74,9 +92,11 @@ def _parts(file: BinaryIO) -> Iterator[bytes]:
     yield rest
 
 
-def _numbers(text: bytes, form: TableForm, chosen: Sequence[str]) -> Array:
+def _numbers(text: bytes, form: TableForm, chosen: Sequence[int]) -> Array:
     import pyarrow as pa
     import pyarrow.csv as pc
+
+    types = {str(i): pa.string() if form.cell_units[i] else pa.float64() for i in chosen}
 
     if not text.strip():
         return np.empty((0, len(chosen)))
@@ -90,15 +110,32 @@ def _numbers(text: bytes, form: TableForm, chosen: Sequence[str]) -> Array:
             ),
             pc.ParseOptions(delimiter=form.delimiter),
             pc.ConvertOptions(
-                column_types=dict.fromkeys(chosen, pa.float64()),
-                include_columns=list(dict.fromkeys(chosen)),
+                column_types=types,
+                include_columns=list(types),
                 null_values=missing_words(),
+                strings_can_be_null=True,
                 decimal_point=form.decimal,
             ),
         )
+        return np.column_stack([_without_unit(table[str(i)], form.cell_units[i], form.decimal) for i in chosen])
     except pa.ArrowInvalid as error:
         raise DataError(f"not a table of numbers after line {form.first} ({one_line(error, 160)})") from error
-    return np.column_stack([table[name].to_numpy() for name in chosen])
+
+
+def _without_unit(column: pa.ChunkedArray, unit: str, decimal: str) -> Array:
+    """The numbers of a column; "" is that of one whose cells are nothing else."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if unit:
+        cells = pc.utf8_trim_whitespace(column)
+        others = pc.filter(cells, pc.invert(pc.ends_with(cells, unit)))
+        if len(others):
+            raise DataError(f"{others[0].as_py()!r} is not in {unit}, as the cells above it are; correct it")
+        numbers = pc.utf8_trim_whitespace(pc.utf8_slice_codeunits(cells, 0, -len(unit)))
+        column = pc.cast(pc.replace_substring(numbers, decimal, "."), pa.float64())
+    values: Array = column.to_numpy()
+    return values
 
 
 def write(series: Series, part: Path) -> None:
