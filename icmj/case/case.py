@@ -241,11 +241,12 @@ class Case(WithCard):
 
     @cached_property
     def notices(self) -> tuple[Notice, ...]:
-        """Notices about plants, limits of the actual plant on the predicted orbit, slow noise, and the set-point."""
+        """Notices about plants, crossings that may be missing, limits on the predicted orbit, slow noise, set-point."""
         if self.prediction is None:
             return (*self.told, *slow_noise(self.settings))
         limits = reach(self.actual, self.prediction)
-        return (*self.told, *limits, *slow_noise(self.settings), *doubt_setpoint(self.run))
+        gaps = (Notice("unresolved", "warning", words) for words in (self.prediction.gaps,) if words)
+        return (*self.told, *gaps, *limits, *slow_noise(self.settings), *doubt_setpoint(self.run))
 
     @cached_property
     def stepping(self) -> Stepping:

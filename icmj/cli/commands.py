@@ -140,7 +140,7 @@ def analyse(command: arguments.AnalyseCommand) -> None:
     for words in prediction.remarks:
         OUT.say(words[0].upper() + words[1:] + ".")
     for notice in case.notices:
-        if not (command.set and notice.kind == "paper"):
+        if not (command.set and notice.kind == "paper") and notice.words not in prediction.remarks:
             OUT.note(notice)
 
 

@@ -28,7 +28,7 @@ Kind = Literal[
     "not at rest", "kink", "dry friction", "feedthrough", "coarse derivatives", "uncontrollable", "unobservable",
     "sensor bias", "outputs", "operating point", "dropped state", "keyframe", "person", "saturation", "joint limit",
     "not linear", "large step", "time step", "not smooth", "lift-off", "paper", "slow noise", "set-point",
-    "sampling delay",
+    "sampling delay", "unresolved",
 ]  # fmt: skip
 KINDS: tuple[str, ...] = get_args(Kind)
 

@@ -305,18 +305,21 @@ def _table(
 
 
 def _row(theory: Theory, plant: LinearPlant, delay: Delay, last: float) -> list[Any]:
-    """Δ_crit [s], λ, whether a cycle is predicted, its largest multiplier, and its state; ``None`` for what is not."""
+    """Δ_crit [s], λ, whether a cycle is predicted, its largest multiplier, what is not known, and its state.
+
+    ``None`` stands for what is not there.
+    """
     try:
         system = error_system(plant, theory.system.design, theory.system.hold, delay=delay, match="position")
         found = predict(system, theory.rule, delta_max=last)
-    except AnalysisError:
-        return [None, 0, 0, None, None]
+    except AnalysisError as error:
+        return [None, 0, 0, None, str(error), None]
     if found.delta_crit is None or found.eigenvalue is None:
-        return [None, 0, 0, None, None]
+        return [None, 0, 0, None, found.gaps, None]
     largest, state = None, None
     if found.multipliers is not None and len(found.multipliers):
         largest = round(float(min(np.abs(found.multipliers).max(), 99.0)), 4)
     if found.orbit is not None and np.isfinite(found.orbit.gamma):
         state = np.concatenate(system.start(found.orbit.x_bar))
     sign = round(float(np.real(found.eigenvalue)))
-    return [float(f"{found.delta_crit:.8g}"), sign, int(found.cycle), largest, state]
+    return [float(f"{found.delta_crit:.8g}"), sign, int(found.cycle), largest, found.gaps, state]

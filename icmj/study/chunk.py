@@ -122,6 +122,7 @@ ORBITS = {
     "predicted_orbit_verdict": (pa.list_(pa.string()), "verdict on each orbit"),
     "predicted_orbit_multiplier": (pa.list_(pa.float64()), "magnitude of the largest multiplier of each orbit"),
 }
+GAPS = {"predicted_unresolved": (pa.bool_(), "whether crossings may be missing, because rounding hides them")}
 OWN = (pa.float64(), "a number of a measure of the user's own")
 ATTRACTORS = {
     "attractors": (pa.int32(), "motions found from random starts of the linear plant"),
@@ -152,19 +153,22 @@ def columns(
     attractors: bool,
     predicted: bool = True,
     orbits: bool = True,
+    gaps: bool = True,
     measures: Sequence[str] = (),
 ) -> dict[str, tuple[pa.DataType, str]]:
     """All columns by name: of what varies (name and kind), of outputs, of plants asked for a motion or a cycle.
 
-    ``predicted`` says whether the controller has an event rule, and with it a prediction; ``orbits``, whether all its
-    orbits are told, which older sweeps do not; ``measures`` are names of the user's own numbers.
+    ``predicted`` says whether the controller has an event rule, and with it a prediction; ``orbits`` and ``gaps``,
+    whether all its orbits are told, and whether some may be missing, which older sweeps do not; ``measures`` are names
+    of the user's own numbers.
     """
     measured = own(dict.fromkeys(measures, OWN))
     found: dict[str, tuple[pa.DataType, str]] = {"point": (pa.int64(), "index of the point")}
     found |= {name: (TYPES[kind], "what varies") for name, kind in varies}
     found["status"] = (pa.string(), "ok, failed, or died with its process")
     found["words"] = (pa.string(), "why it failed; empty where it did not")
-    found |= _describe("predicted", PREDICTION, outputs) | (ORBITS if orbits else {}) if predicted else ROOT
+    told = (ORBITS if orbits else {}) | (GAPS if gaps else {})
+    found |= _describe("predicted", PREDICTION, outputs) | told if predicted else ROOT
     for plant in motion:
         there = {"", plant, "noise" if noisy else ""}
         facts = [fact for fact in RUN if fact.only in there] if predicted else WITHOUT_PREDICTION
@@ -338,6 +342,7 @@ def _orbits(prediction: Prediction) -> dict[str, Any]:
         "predicted_orbit_eigenvalue": [float(np.sign(one.crossing.eigenvalue.real)) for one in prediction.orbits],
         "predicted_orbit_verdict": [one.verdict for one in prediction.orbits],
         "predicted_orbit_multiplier": [finite(one.multiplier) for one in prediction.orbits],
+        "predicted_unresolved": bool(prediction.unresolved),
     }
 
 

@@ -131,7 +131,8 @@ class Dataset:
         expected = columns(
             [(name, "number") for name in facts.varies], facts.outputs, motion=asked["motion"], cycle=asked["cycle"],
             noisy=bool(asked["noisy"]), attractors="attractors" in names,
-            predicted="root_real" not in names, orbits="predicted_orbit_delta" in names, measures=facts.measures,
+            predicted="root_real" not in names, orbits="predicted_orbit_delta" in names,
+            gaps="predicted_unresolved" in names, measures=facts.measures,
         )  # fmt: skip
         if names != list(expected):
             raise ValueError("columns that a sweep does not have, or lacks")

@@ -312,6 +312,16 @@ class Prediction(WithCard):
         return "a neutral mode may add any constant" if drifts else "the event rule does not detect this orbit"
 
     @property
+    def gaps(self) -> str:
+        """Where crossings may be missing; "" if every one is found."""
+        parts = [f"between {first:.6g} and {last:.6g} s" for first, last in self.unresolved]
+        shown = f"{', '.join(parts[:3])}{f' and in {len(parts) - 3} more places' if len(parts) > 3 else ''}"
+        return bool(parts) * (
+            f"crossings may be missing {shown}, where rounding hides how eigenvalues pass the unit circle; look for "
+            "gains or rates that are out of proportion"
+        )
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """Remarks on the numbers: on neutral modes, on a family, on missing numbers, and on what is not resolved."""
         family = () if self.family is None else (self.family.words,)
@@ -319,12 +329,8 @@ class Prediction(WithCard):
             family = (ALTERNATING,)
         missing = (f"a dash stands where there is no number: {self.missing}",) if self.missing else ()
         falls = () if self.observer_feedback_stable or not self.cycle else (FALLS,)
-        unresolved = tuple(
-            f"crossings may be missing between {first:.6g} and {last:.6g} s, where rounding hides how eigenvalues pass "
-            "the unit circle; look for gains or rates that are out of proportion"
-            for first, last in self.unresolved
-        )
-        return (*(mode.words for mode in self.neutral), *family, *falls, *missing, *unresolved)
+        gaps = (self.gaps,) if self.gaps else ()
+        return (*(mode.words for mode in self.neutral), *family, *falls, *missing, *gaps)
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
@@ -332,7 +338,8 @@ class Prediction(WithCard):
         cycle = f"period {amount(self.period, 's')}" if self.cycle else "no cycle predicted"
         at = (self.outputs, self.output_units)
         rows = {fact.label: fact.shown(fact.value(self), *at) for fact in PREDICTION}
-        rows["crossings of the unit circle"] = f"{len(self.crossings)} {searched}"
+        missing = ", and some may be missing" * bool(self.gaps)
+        rows["crossings of the unit circle"] = f"{len(self.crossings)} {searched}{missing}"
         rows |= {f"{ordinal(i)} orbit": one.words for i, one in enumerate(self.orbits) if self.others}
         if self.delta_crit is None:
             rows[PREDICTION[0].label] = f"none {searched}"

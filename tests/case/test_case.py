@@ -1,5 +1,7 @@
 """From run file to prediction: the notes' numbers for every shipped case, and errors that name the run file."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from model_cases import MOTOR, pendulum, two, written
@@ -280,3 +282,18 @@ def test_a_person_whom_the_actual_plant_follows_is_told_to_be_no_model_error():
         assert not np.array_equal(case.assumed.linearisation.plant.B, case.actual.linearisation.plant.B)
         assert "person" not in {one.kind for one in case.notices}
     assert "person" not in {one.kind for one in prepare(exact).notices}
+
+
+def test_crossings_that_may_be_missing_are_a_notice_which_runs_and_the_report_repeat(root, tmp_path):
+    case = prepare(load_run(root / "runs" / "simple-0.8.toml"))
+    assert case.notices == ()
+    gaps = tuple((0.1 * i, 0.1 * i + 0.01) for i in range(5))
+    theory = replace(case.theory, prediction=replace(case.prediction, unresolved=gaps))
+    doubted = replace(case, theory=theory)
+    (notice,) = doubted.notices
+    assert notice.words.startswith("crossings may be missing between 0 and 0.01 s, between 0.1 and 0.11 s")
+    assert "and in 2 more places" in notice.words
+    result = run_case(doubted, "linear")
+    assert any(notice.words in words for words in result.notices)
+    build_report([result], tmp_path / "report.html")
+    assert "rossings may be missing between 0 and 0.01" in (tmp_path / "report.html").read_text(encoding="utf-8")

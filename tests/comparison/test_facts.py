@@ -90,6 +90,7 @@ def test_files_keep_the_names_that_they_had() -> None:
         "predicted_period", "predicted_verdict", "predicted_multiplier", "predicted_gamma",
         "predicted_state_feedback_stable", "predicted_observer_feedback_stable", "predicted_peak_y",
         "predicted_orbit_delta", "predicted_orbit_eigenvalue", "predicted_orbit_verdict", "predicted_orbit_multiplier",
+        "predicted_unresolved",
         "mujoco_outcome", "mujoco_end", "mujoco_kind", "mujoco_on_predicted", "mujoco_interval", "mujoco_error",
         "mujoco_p", "mujoco_mirrored", "mujoco_period", "mujoco_residual", "mujoco_events", "mujoco_step_error",
         "mujoco_interval_error", "mujoco_interval_deviation", "mujoco_binding", "mujoco_peak_y", "mujoco_rms_y",

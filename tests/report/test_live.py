@@ -3,6 +3,7 @@
 import html
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -262,6 +263,15 @@ def test_the_model_is_exact_at_b_1_where_body_and_model_are_the_same_else(small,
     rows = described["table"]["rows"]
     at = described["table"]["gains"].index(1.0) + len(described["table"]["gains"]) * described["delays"].index(0.1)
     assert (rows[at][0] is None) is exact
+
+
+def test_the_page_says_where_crossings_may_be_missing(small, monkeypatch):
+    predict = live.predict
+    monkeypatch.setattr(live, "predict", lambda *of, **more: replace(predict(*of, **more), unresolved=((0.5, 0.6),)))
+    described = live.describe(loaded("simple-0.8"))
+    assert all(
+        row[4].startswith("crossings may be missing between 0.5 and 0.6 s") for row in described["table"]["rows"]
+    )
 
 
 def test_a_model_that_is_no_chain_gets_the_linear_plant_and_the_page_says_so(small, root):

@@ -46,11 +46,12 @@ def test_a_folder_of_before_every_orbit_had_its_columns_is_read(
     plan = make_plan(sweep_file(tmp_path, GRID.format(count=2), ask=""))
     with monkeypatch.context() as patched:
         patched.setattr("icmj.study.chunk.ORBITS", {})
+        patched.setattr("icmj.study.chunk.GAPS", {})
         with resume_sweep(tmp_path / "old", plan) as (dataset, _):
             dataset.write(0, compute(plan, plan.range(0)))
     names = read_table(tmp_path / "old").column_names
     assert "predicted_verdict" in names
-    assert not [name for name in names if name.startswith("predicted_orbit")]
+    assert not [name for name in names if name.startswith(("predicted_orbit", "predicted_unresolved"))]
 
 
 def test_rows_are_what_a_case_alone_gives(swept: Path) -> None:
@@ -62,6 +63,7 @@ def test_rows_are_what_a_case_alone_gives(swept: Path) -> None:
         assert row["predicted_delta_crit"] == case.prediction.delta_crit
         assert row["predicted_verdict"] == case.prediction.verdict
         orbits = case.prediction.orbits
+        assert row["predicted_unresolved"] is False
         assert row["predicted_orbit_delta"] == [one.orbit.delta for one in orbits]
         assert row["predicted_orbit_eigenvalue"] == [one.orbit.sign for one in orbits]
         assert row["predicted_orbit_verdict"] == [one.verdict for one in orbits]

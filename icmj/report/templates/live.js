@@ -36,8 +36,8 @@ const stored = ruled && (() => {
 
 function lookUp({ b, delay, q, least }) {
   const { gains, rows, last } = model.table, { delays, controller } = model, resets = controller.resets[delays.indexOf(delay)];
-  const row = delays.indexOf(delay) * gains.length + gains.indexOf(b), [delta, lambda, cycle, largest] = rows[row];
-  const found = { delta, lambda, cycle: Boolean(cycle), largest, exact: model.exact && b === 1, least };
+  const row = delays.indexOf(delay) * gains.length + gains.indexOf(b), [delta, lambda, cycle, largest, gaps] = rows[row];
+  const found = { delta, lambda, cycle: Boolean(cycle), largest, gaps, exact: model.exact && b === 1, least };
   const size = rows.length ? stored.length / rows.length : 0;
   if (delta !== null) {
     const start = new Array(loop.size).fill(0);
@@ -462,6 +462,7 @@ function describeMotion() {
     else if (other) said.theory = `${why} ${largest !== null && largest >= 1 ? "But that orbit repels, and the motion has settled on another one" : "The motion has reached another cycle, which exists beside it; start on the predicted orbit to reach the predicted one"}.`;
     else said.theory = `${why}${largest !== null && largest >= 1 ? " But the orbit repels: small departures from it grow." : ""}`;
   }
+  if (theory.gaps) said.theory += ` ${theory.gaps[0].toUpperCase()}${theory.gaps.slice(1)}.`;
   said.settled = settled;
   said.kind += settled ? " predicted" : other ? " other" : "";
   return said;
