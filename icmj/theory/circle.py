@@ -149,9 +149,11 @@ def near(g: Spectrum, delta: Array) -> NDArray[np.intp]:
     # motion of the i-th from node to node, and the gap to the next one, at the worse of two neighbouring nodes
     moved = np.abs(np.diff(height, axis=1))
     gap = np.minimum(*_neighbours(height[..., :-1] - height[..., 1:]))
-    floor = 1e-9 * np.abs(height).max(axis=(1, 2))[:, None, None]
+    # rounding moves each g alike, and its height by |λ| times as much
+    rounding = 1e-9 * np.abs(g).max(axis=(1, 2))[:, None, None] * np.abs(1 + delta[..., None] * g)
+    floor = np.maximum(*_neighbours(rounding))
     split = np.ones((panels, m + 1), dtype=bool)  # at 0 and m there is nothing on one side
-    split[:, 1:m] = (gap > _APART * (moved[..., :-1] + moved[..., 1:]) + floor).all(axis=1)
+    split[:, 1:m] = (gap > _APART * (moved[..., :-1] + moved[..., 1:]) + floor[..., :-1]).all(axis=1)
     clear = np.minimum(*_neighbours(np.abs(height))) > _APART * moved + floor
     count = (height > 0).sum(axis=2)
     least, most = count.min(axis=1), count.max(axis=1)

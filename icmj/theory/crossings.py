@@ -156,9 +156,13 @@ class _Finder:
         found: list[Crossing] = []
         unexplained: list[tuple[float, float, int]] = []
         edges: list[tuple[float, float, int]] = []
+        blind: list[tuple[float, float, int]] = []  # where eigenvalues cannot be followed
         taken = 0
         for depth in range(_DEPTH + 1):
             taken += len(left)
+            if taken > _MOST_PANELS and 2 * len(left) * width < end - start:
+                blind = [(float(a), float(a + width), 1) for a in left]
+                break
             if taken > _MOST_PANELS:
                 raise AnalysisError(
                     f"not analysable: the eigenvalues of φ(Δ) up to {end:.4g} s move too wildly to be followed; "
@@ -202,7 +206,10 @@ class _Finder:
         # by rounding two panels may disagree on the number outside where they meet, and in places again and again
         inner = [edge for edge in edges if start < edge[0] - width / 2 < end - width]
         unexplained += _join(_join(inner), (end - start) / _CROWD)
-        unresolved = tuple((first, last) for first, last, _ in _join(unexplained))
+        unknown = _join(
+            [*_join(blind, (end - start) / _CROWD), *((first, last, 1) for first, last, _ in _join(unexplained))]
+        )
+        unresolved = tuple((first, last) for first, last, _ in unknown)
         found = [c for c in found if start < c.delta <= end]
         apart = tuple(distinct(sorted(found, key=lambda c: c.delta), self.resolution))
         return Search(apart, float(end), unresolved)

@@ -44,6 +44,7 @@ UNSEEN = 1e-9  # a direction is unseen if its image is below this, relative to r
 # error of a matrix, relative to it, such as differences leave in it; what that may put in one place is not told apart
 _ERROR = 1e-10
 _UNDECIDED = 1e-5  # modes that decay slower than this times the whole matrix are looked at
+_ALIKE = 1e-3  # relative distance at which the rate of a mode that grows is not one of the matrix
 _GAP = 10.0  # and those that decay no more than so many times as fast as one of these, up to a thousandth of the matrix
 
 
@@ -111,7 +112,10 @@ def lasting(A: Array, V: Array) -> Array:
 def growing(A: Array, V: Array, C: Array) -> Array:
     """The part of the invariant subspace V that C does not see either, and whose modes grow, shape (N, r)."""
     N = _within(A, V, C)
-    A_N, error = N.T @ A @ N, error_of(A)
+    A_N, error, rates = N.T @ A @ N, error_of(A), np.linalg.eigvals(A)
+    # where the rest is so fast that what sticks out of N is small beside it and not beside N, N has rates of its own
+    if any(np.abs(rates - mu).min() > _ALIKE * abs(mu) for mu in np.linalg.eigvals(A_N) if mu.real > error):
+        return N[:, :0]
     return N @ span(A_N, lambda mu: mu.real > 0 and not are_together(A_N, mu, 1j * mu.imag, error))
 
 
