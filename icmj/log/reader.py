@@ -44,6 +44,7 @@ LONGEST = 120.0  # s on the clock; a log of a gigabyte takes a few
 SECONDS, BYTES_A_SECOND = 5, 20_000_000  # of processor time; 240 MB take one second
 MEMORY, PER_BYTE = 2 << 30, 8  # of which 240 MB take a quarter
 _NONE = "0 files verified"
+_OF_ROWS = "/outputs/run"  # has a row for each of the run
 
 
 def program() -> Path:
@@ -133,7 +134,11 @@ def read_log(path: Path | str, *, allow_code: bool = False) -> Result:
 
 def _read(path: Path | str) -> Result:
     path = Path(path)
-    row = static_row(path, "/archive")
+    row, rows, styled = dict[str, Any](), 0, False
+    for entity, found, count in _rows(path, "/archive", _OF_ROWS):
+        row |= found if entity == "/archive" else {}
+        rows += count
+        styled |= entity == _OF_ROWS and not count
     columns = {name.removeprefix(f"{ARCHIVE}:"): values for name, values in row.items() if name.startswith(ARCHIVE)}
     try:
         version, tree, digest = (columns.pop(name)[0].as_py() for name in ("format", "tree", "sha256"))
@@ -149,9 +154,14 @@ def _read(path: Path | str) -> Result:
     if archive.digest(tree, arrays) != digest:
         raise LogError(f"{path}: the archive has changed since it was written (SHA-256 differs); take another copy")
     try:
-        return archive.unpack(tree, arrays)
+        result = archive.unpack(tree, arrays)
     except IcmjError as error:
         raise LogError(f"{path}: {one_line(error)}") from error
+    if styled and rows != (whole := len(result.simulation.t)):
+        raise LogError(
+            f"{path}: has {rows} of the {whole} rows of its run, as what `rerun rrd split` makes; take the whole log"
+        )
+    return result
 
 
 def _own(result: Result) -> Result:
@@ -178,7 +188,7 @@ def read_summary(path: Path | str) -> dict[str, dict[str, Any]]:
     """
     path = Path(path)
     topics: dict[str, dict[str, Any]] = {}
-    for entity, row in _rows(path, "/__properties/**"):
+    for entity, row, _ in _rows(path, "/__properties/**"):
         name = entity.removeprefix("/__properties").strip("/")
         facts = {key: values[0].as_py() for key, values in row.items() if len(values)}
         if name and facts:
@@ -195,13 +205,16 @@ def static_row(path: Path, entity: str) -> dict[str, Any]:
         LogError: if the file is missing, not a recording, or cut short.
     """
     found: dict[str, Any] = {}
-    for _, row in _rows(path, entity):
+    for _, row, _ in _rows(path, entity):
         found.update(row)
     return found
 
 
-def _rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
-    """Entity and its static components, as arrow arrays by name, of every chunk that ``content`` selects.
+_Chunk = tuple[str, dict[str, Any], int]
+
+
+def _rows(path: Path, *content: str) -> list[_Chunk]:
+    """Entity, its static components, as arrow arrays by name, and number of rows over time, of every selected chunk.
 
     A file that another writer replaced while it was read is read again.
     """
@@ -214,11 +227,11 @@ def _rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
     for _ in range(_REPLACED):
         before = _identity(path)
         try:
-            return _whole_rows(path, content)
+            return _whole_rows(path, *content)
         except DamagedLog:
             if _identity(path) == before:
                 raise
-    return _whole_rows(path, content)
+    return _whole_rows(path, *content)
 
 
 def _identity(path: Path) -> tuple[int, int, int] | None:
@@ -230,7 +243,7 @@ def _identity(path: Path) -> tuple[int, int, int] | None:
     return found.st_ino, found.st_mtime_ns, found.st_size
 
 
-def _whole_rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
+def _whole_rows(path: Path, *content: str) -> list[_Chunk]:
     from rerun.chunk import RrdReader
 
     damage = verify(path)
@@ -243,19 +256,8 @@ def _whole_rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
                 raise LogError(
                     f"{path}: {several} recordings in one file; a log has one, give the files they came from"
                 )
-            stream = reader.store().stream().filter(content=content, is_static=True)
-        return [
-            (
-                chunk.entity_path,
-                {
-                    name: column[-1].values
-                    for name, column in zip(batch.schema.names, batch.columns, strict=True)
-                    if not name.startswith("rerun.") and hasattr(column[-1], "values") and column[-1].is_valid
-                },
-            )
-            for chunk in stream
-            for batch in [_batch(chunk)]
-        ]
+            stream = reader.store().stream().filter(content=list(content))
+        return [_read_chunk(chunk) for chunk in stream]
     except LogError:
         raise
     except Exception as error:  # rerun's bindings raise what their Rust side fails with, of several types
@@ -263,6 +265,18 @@ def _whole_rows(path: Path, content: str) -> list[tuple[str, dict[str, Any]]]:
         raise DamagedLog(
             f"{path}: not a complete rerun recording ({reason}); if cut short, `icmj replay` salvages what it can"
         ) from error
+
+
+def _read_chunk(chunk: Any) -> _Chunk:
+    if not chunk.is_static:
+        return chunk.entity_path, {}, chunk.num_rows
+    batch = _batch(chunk)
+    found = {
+        name: column[-1].values
+        for name, column in zip(batch.schema.names, batch.columns, strict=True)
+        if not name.startswith("rerun.") and hasattr(column[-1], "values") and column[-1].is_valid
+    }
+    return chunk.entity_path, found, 0
 
 
 def _batch(chunk: Any) -> Any:

@@ -13,7 +13,7 @@ from patience import PATIENCE
 from icmj.case.comparison import compare, to_json
 from icmj.errors import LogError
 from icmj.log import reader
-from icmj.log.reader import read_log, read_summary
+from icmj.log.reader import program, read_log, read_summary
 from icmj.log.writer import write_log
 
 
@@ -171,3 +171,22 @@ def test_a_log_that_is_replaced_while_it_is_read_is_read_again(log, tmp_path, mo
     monkeypatch.setattr(reader, "verify", lambda there: "half of another")
     with pytest.raises(LogError, match="not a complete rerun recording"):
         reader.read_summary(path)
+
+
+def test_a_part_of_a_log_is_refused_and_a_compacted_one_is_whole(log, tmp_path):
+    """Its archive is whole, so that half a run was measured as all of it."""
+
+    def rrd(*words):
+        subprocess.run([program(), "rrd", *map(str, words)], check=True, capture_output=True)
+
+    rows = len(read_log(log).simulation.t)
+    (tmp_path / "parts").mkdir()
+    rrd("split", "--output-dir", tmp_path / "parts", "--timeline", "time", "--num-parts", 3, log)
+    parts = sorted((tmp_path / "parts").glob("*.rrd"))
+    assert len(parts) == 3
+    told = [
+        re.search(r"has (\d+) of the (\d+) rows of its run, as what `rerun rrd split` makes", refused(p)) for p in parts
+    ]
+    assert all(int(one[1]) < int(one[2]) == rows for one in told)
+    rrd("optimize", "-o", tmp_path / "small.rrd", log)
+    assert_same(read_log(log), read_log(tmp_path / "small.rrd"))
