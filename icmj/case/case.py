@@ -35,7 +35,7 @@ from icmj.case.plants import (
 from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.controller.setpoint import Setpoint
 from icmj.controller.trigger import EventRule, Trigger
-from icmj.engine.limits import corners
+from icmj.engine.corners import corners
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import with_pressure
 from icmj.errors import AnalysisError, DesignError, IcmjError, RunFileError, SimulationError, expect, prefix_errors

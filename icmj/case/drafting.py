@@ -18,7 +18,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from icmj.case.case import Case, expect_theory, prepare
-from icmj.engine.plant import Inventory, MujocoPlant, inventory, load_plant
+from icmj.engine.inventory import Inventory, inventory
+from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.errors import IcmjError, ModelError
 from icmj.plant.body import OperatingKind, OperatingRule, Selection
 from icmj.plant.linear_plant import LinearPlant

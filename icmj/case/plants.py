@@ -35,7 +35,8 @@ from icmj.controller.controller import Controller, Law
 from icmj.controller.design import Delay, Design, design_lq
 from icmj.controller.setpoint import Setpoint, setpoint
 from icmj.engine.deviation import Deviation
-from icmj.engine.plant import MujocoPlant, inventory, load_plant
+from icmj.engine.inventory import inventory
+from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.safety import files_of
 from icmj.errors import AnalysisError, DesignError, IcmjError, RunFileError, expect
 from icmj.plant.body import Activation, Selection

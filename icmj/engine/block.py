@@ -1,18 +1,4 @@
-"""The controller's block in a composed model, with its exogenous signals and the stages that it needs.
-
-Exogenous inputs as *signals*, piecewise polynomials in time whose evaluation cost does not depend on the terms.
-
-A signal is the sum of all terms a·cos(ω t + φ) that act in one place and in one window of time. On a cell around t_c,
-2 Z/ω_max wide, a term is a·cos(θ + z x) with θ = ω t_c + φ, z ≤ Z and |x| ≤ 1, and its Taylor polynomial in x is right
-to rounding. Its coefficients are cos θ, sin θ times *weights*, which are the same in all cells; so those of a cell
-follow from the terms and its number alone, whoever asks first, and what a signal is worth at an instant is the same to
-the last bit whatever the steps. Each signal keeps its latest cells, one in each of some places by its number. From cell
-to cell the phases turn by ω times the width; in the first of every group of cells they are taken from ω and φ anew.
-
-Gaussian noise (:mod:`icmj.simulation.settings`) is a signal, too: it goes straight from one value of its grid to the
-next, and all its values are there from the start.
-
-The controller's block in a composed model: one ``<numeric>``, described here for both Python and compiled code.
+"""The controller's block in a composed model: one ``<numeric>``, described here for both Python and compiled code.
 
 It begins with a header of numbers by :class:`Slot`; then come the parts of :data:`PARTS`, row by row, each where the
 header says. Whoever writes or reads it goes by these two names, so a further part or number is declared here and
@@ -23,14 +9,9 @@ The *phase time* says which disturbance windows are open: a loop that splits its
 to a time between two edges, so that a step ending on an edge still sees the value before it in its last stage. While
 it is negative the windows follow the model's own time.
 
-What acts from outside is looked up in *cells* (:mod:`icmj.engine.block`), which a loop fills here as it comes to
+What acts from outside is looked up in *cells* (:mod:`icmj.engine.signals`), which a loop fills here as it comes to
 them. They hold nothing but what follows from the terms, and nobody reads them while the phase time is negative: then
 the model may be in other hands, in several threads.
-
-Which stages of MuJoCo's forward pass a composed model needs, and whether its motion is smooth.
-
-``mj_forward`` looks for contacts, builds and solves constraints, refreshes every transmission and every sensor. Where a
-model has none of these, fewer calls of the same functions give the same accelerations, to the last bit.
 """
 
 from __future__ import annotations
@@ -38,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cache
 from math import prod
 
 import mujoco
@@ -46,78 +26,22 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.realisation import Realisation
-from icmj.engine.linearisation import WIDTH
+from icmj.engine.forces import WIDTH
+from icmj.engine.signals import (
+    CELL,
+    FOREVER,
+    SIGNAL,
+    WEIGHTS,
+    cells_of,
+    draw_signals,
+    signals_of,
+    sorted_terms,
+    weights_of,
+)
 from icmj.simulation.disturbance import Disturbance
-from icmj.simulation.settings import Gridded, at_points, points_of
+from icmj.simulation.settings import Gridded
 
-REACH = 2.0  # Z [rad]: the first power left out is below Z^24/24! = 3e-17 of the amplitude
-HALF = 12  # coefficients of even powers, and of odd ones
-KEPT = 8  # cells of a signal: the stages of a long step go back and forth
 GROUP = 16  # cells whose phases follow from each other
-SIGNAL, WEIGHTS, PLACE = 6, 4 + 2 * HALF, 1 + 2 * HALF
-CELL = 1 + KEPT * PLACE
-FOREVER = 1e30  # s: the end of what does not end, and the longest cell of a constant
-
-
-def sorted_terms(table: Array) -> Array:
-    """Terms as :class:`icmj.engine.block.Block` has them, those of one signal together."""
-    return table[np.lexsort((table[:, 5], table[:, 4], table[:, 0]))]
-
-
-def signals_of(table: Array, first: int) -> Array:
-    """(place, start, end, first term, the one after the last, width of a cell [s]) of each signal, shape (S, 6).
-
-    Of Gaussian noise (:func:`draw_signals`) the fourth is below zero: −1 less the number of its first value.
-
-    ``table`` are :func:`sorted_terms`, whose first one has the number ``first``.
-    """
-    places = table[:, [0, 4, 5]]
-    begins = np.flatnonzero(np.r_[True, np.any(places[1:] != places[:-1], axis=1)][: len(table)])
-    ends = np.r_[begins[1:], len(table)][: len(begins)].astype(int)
-    fastest = np.array([np.abs(table[begin:end, 2]).max() for begin, end in zip(begins, ends, strict=True)])
-    width = 2 * REACH / np.maximum(fastest, 2 * REACH / FOREVER)
-    return np.column_stack([places[begins], first + begins, first + ends, width])
-
-
-def weights_of(terms: Array, signals: Array) -> Array:
-    """What makes cells of the terms: 28 numbers of each term, those of a signal together, each number of all its terms.
-
-    The numbers are room for cos θ and sin θ, cosine and sine of what θ turns by from cell to cell, coefficients of
-    cos θ in the powers 0, 2, … of x, and of sin θ in 1, 3, ….
-    """
-    found, power = [np.zeros(0)], np.arange(2 * HALF)[:, None]
-    sign, factor = np.array([1.0, -1.0, -1.0, 1.0])[power % 4], np.cumprod(np.maximum(power, 1.0), axis=0)
-    for *_, first, last, width in signals[signals[:, 3] >= 0]:
-        _, amplitude, omega, *_ = terms[int(first) : int(last)].T
-        turn = omega * width
-        series = amplitude * sign * (turn / 2) ** power / factor
-        rows = np.vstack([np.zeros((2, len(turn))), np.cos(turn), np.sin(turn), series[::2], series[1::2]])
-        found.append(rows.ravel())
-    return np.concatenate(found)
-
-
-def cells_of(signals: Array) -> Array:
-    """Arrays for the cells of each signal: the cell whose phases are known, (number, coefficients) in each place."""
-    cells = np.zeros((len(signals), CELL))
-    cells[:, 0] = cells[:, 1::PLACE] = np.nan
-    return cells
-
-
-def draw_signals(noises: Sequence[tuple[int, float, Gridded]], first: int, duration: float) -> tuple[Array, Array]:
-    """Signals of Gaussian noises, each (place, factor, noise), and their values over a run of ``duration`` [s].
-
-    ``first`` is the number of values before them.
-
-    Returns:
-        shapes (S, 6) and (V,).
-    """
-    rows, values = [], [np.zeros(0)]
-    for place, factor, noise in noises:
-        drawn = factor * at_points(noise, 0, points_of(noise, duration))
-        begin = first + sum(map(len, values))
-        rows.append((place, noise.start, FOREVER, -1 - begin, begin + len(drawn), noise.interval))
-        values.append(drawn)
-    return np.array(rows, dtype=float).reshape(-1, SIGNAL), np.concatenate(values)
 
 
 MAGIC = 20170508228.0
@@ -227,7 +151,7 @@ class Block:
             of N, and as in ``terms``, where a term that ends when it starts is an impulse of that area; shape (M_n, 6).
         pushes: where something acts on the plant itself (:mod:`icmj.engine.linearisation`), shape (K, 11).
         sizes: how large it is there: row of ``pushes``, and as in ``terms``; shape (M_p, 6).
-        signals, weights, cells: the same terms as :mod:`icmj.engine.block` has them, shapes (S, 6), (M + M_n + M_p,
+        signals, weights, cells: the same terms as :mod:`icmj.engine.signals` has them, shapes (S, 6), (M + M_n + M_p,
             28), (S, 201).
         values: of all Gaussian noises on their grids, shape (V,).
         course, drift: of a controller with delayed readings, what these make of its command and of its state's rates,
@@ -393,99 +317,8 @@ def _whole(realisation: Realisation) -> Array:
     return np.array([[0, size, 0, size, 1]], dtype=float)
 
 
-class Stages(IntEnum):
-    """The stages that compute the accelerations of a model."""
-
-    WHOLE = 0  # mj_forwardSkip: everything but the sensors
-    SMOOTH = 1  # all but what contacts and other constraints need
-    PLAIN = 2  # and the inputs are motors of constant moment: neither transmission nor actuation is called
-
-
-_Joint, _Sensor, _Disable = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtDisableBit
-_KINEMATIC = (
-    "JOINTPOS", "TENDONPOS", "BALLQUAT", "FRAMEPOS", "FRAMEQUAT", "FRAMEXAXIS", "FRAMEYAXIS", "FRAMEZAXIS",
-    "SUBTREECOM", "JOINTVEL", "BALLANGVEL", "GYRO", "VELOCIMETER", "FRAMELINVEL", "FRAMEANGVEL", "CLOCK",
-)  # fmt: skip
-_DRIVEN = "ACTUATORPOS", "ACTUATORVEL", "TENDONVEL", "SUBTREELINVEL", "SUBTREEANGMOM"
-
-
-@cache
-def _kinds(names: tuple[str, ...]) -> np.ndarray:
-    """Sensor types by their names."""
-    return np.array([int(getattr(_Sensor, f"mjSENS_{name}")) for name in names])
-
-
-def stages_of(model: mujoco.MjModel) -> Stages:
-    """The fewest stages that give the accelerations of a composed model."""
-    sensors = model.sensor_type[model.sensor_needstage != mujoco.mjtStage.mjSTAGE_ACC]
-    simple = np.isin(sensors, _kinds(_KINEMATIC))
-    # activations that the engine itself moves by more than their rate
-    moved = np.isin(model.actuator_dyntype, (mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_FILTEREXACT)).any()
-    odd = model.flg_adhesion or model.opt.disableactuator or model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_ENERGY
-    odd = odd or model.opt.disableflags & (_Disable.mjDSBL_ACTUATION | _Disable.mjDSBL_SENSOR)
-    if (
-        odd
-        or moved
-        or not is_flow(model)
-        or may_constrain(model)
-        or not np.isin(sensors[~simple], _kinds(_DRIVEN)).all()
-    ):
-        return Stages.WHOLE
-    return Stages.PLAIN if simple.all() and _plain(model) else Stages.SMOOTH
-
-
-def may_constrain(model: mujoco.MjModel) -> bool:
-    """Whether a contact, limit, friction loss or equality could ever act in this model."""
-    flags = model.opt.disableflags
-    if flags & _Disable.mjDSBL_CONSTRAINT:
-        return False
-    if model.nflex or (model.neq and not flags & _Disable.mjDSBL_EQUALITY):
-        return True
-    if not flags & _Disable.mjDSBL_FRICTIONLOSS and (model.dof_frictionloss.any() or model.tendon_frictionloss.any()):
-        return True
-    if not flags & _Disable.mjDSBL_LIMIT and (model.jnt_limited.any() or model.tendon_limited.any()):
-        return True
-    touching = np.count_nonzero(model.geom_contype | model.geom_conaffinity)
-    return not flags & _Disable.mjDSBL_CONTACT and bool(model.npair or touching > 1)
-
-
-def is_flow(model: mujoco.MjModel) -> bool:
-    """Whether the state moves as dx/dt = f(x, t): no activation is clamped or taken a step ahead, no body sleeps."""
-    return has_rates(model) and not (model.actuator_actlimited.any() or model.actuator_actearly.any())
-
-
-def has_rates(model: mujoco.MjModel) -> bool:
-    """Whether a step moves the state by its rates, and at most takes activations back into their ranges."""
-    known = ("NONE", "INTEGRATOR", "FILTER", "FILTEREXACT", "MUSCLE", "USER")
-    kinds = [int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in known]
-    awake = not model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP and not model.nplugin and not model.nflex
-    return bool(not model.nplastic and awake and np.isin(model.actuator_dyntype, kinds).all())
-
-
 def rows_need_forward(model: mujoco.MjModel) -> bool:
     """Whether sensors exist that the outputs' stages do not refresh, so that a recorded row takes a whole pass."""
     block = block_of(model)
     assert block is not None
     return bool(model.nsensor and model.sensor_needstage.max() > block.header[Slot.STAGE])
-
-
-def _plain(model: mujoco.MjModel) -> bool:
-    """Whether every actuator but the controller's is a motor without limits whose moment never changes."""
-    motors = slice(0, model.nactuator - 1)
-    jointed = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
-    scalar_joints = np.isin(model.jnt_type, (_Joint.mjJNT_HINGE, _Joint.mjJNT_SLIDE))
-    jointed[jointed] = scalar_joints[model.actuator_trnid[jointed, 0]]
-    fixed = (model.actuator_gaintype == mujoco.mjtGain.mjGAIN_FIXED) & (
-        model.actuator_biastype == mujoco.mjtBias.mjBIAS_NONE
-    )
-    stateless = model.actuator_dyntype == mujoco.mjtDyn.mjDYN_NONE
-    limits = model.actuator_ctrllimited.any() or model.actuator_forcelimited.any() or model.jnt_actfrclimited.any()
-    drag = any(
-        array.any()
-        for array in (
-            model.actuator_damping, model.actuator_dampingpoly, model.actuator_armature, model.jnt_actgravcomp,
-            model.tendon_damping, model.tendon_dampingpoly, model.tendon_armature, model.tendon_actfrclimited,
-        )
-    )  # fmt: skip
-    scalar = model.nu == model.nactuator == model.nout and not model.nhistory
-    return bool(scalar and (jointed & fixed & stateless)[motors].all() and not limits and not drag)

@@ -26,7 +26,7 @@ from icmj.base.array import Array
 from icmj.controller.controller import Law, has_trigger
 from icmj.controller.realisation import Layout, Mode, Realisation
 from icmj.engine.block import numbers_of, pack
-from icmj.engine.linearisation import places, spread
+from icmj.engine.forces import places, spread
 from icmj.engine.model import model_name
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import ModelError

@@ -21,6 +21,7 @@ from icmj.base.array import Array
 from icmj.base.interruption import defer_interrupt
 from icmj.base.process import SWITCH
 from icmj.engine.block import Block, Slot
+from icmj.engine.buffers import Buffers, buffers
 from icmj.engine.closed_loop import ComposedLoop
 from icmj.engine.composition import at_ports
 from icmj.engine.extremes import ExtremesTracker
@@ -37,7 +38,7 @@ from icmj.engine.native.state import (
 from icmj.engine.native.steps import compile_steps
 from icmj.engine.native.stretches import compile_stretches
 from icmj.engine.safety import EngineFault, can_fault, words
-from icmj.engine.schedule import Buffers, Schedule, buffers, fastest_rate
+from icmj.engine.schedule import Schedule, fastest_rate
 from icmj.errors import ModelError
 from icmj.simulation import ending
 from icmj.simulation.disturbance import no_disturbance

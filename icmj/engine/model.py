@@ -213,7 +213,7 @@ def load_spec(
     Between the two its ``inputs``, all actuators by default, get the lags of ``activation``. The file itself is not
     touched.
 
-    Gains of inputs and sensors are not in the model; see :mod:`icmj.engine.linearisation`.
+    Gains of inputs and sensors are not in the model; see :mod:`icmj.engine.ports`.
 
     Raises:
         ModelError: if the file is missing, is not MJCF, does not compile, or person, activation or deviation do not

@@ -28,10 +28,10 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.controller import Controller
-from icmj.engine.block import is_flow, may_constrain
 from icmj.engine.model import activation_rates, clamp
 from icmj.engine.plant import MujocoPlant, place
 from icmj.engine.safety import isolate_engine
+from icmj.engine.stages import is_flow, may_constrain
 from icmj.errors import ModelError
 from icmj.simulation.simulation import Geom, Scene, Simulation, loop_signals, plain_names
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.controller import Controller, Law, has_trigger
-from icmj.engine.linearisation import forces, on_bodies, places
+from icmj.engine.forces import forces, on_bodies, places
 from icmj.engine.model import solve_fully
 from icmj.engine.plant import MujocoPlant, place
 from icmj.engine.safety import isolate_engine
@@ -218,7 +218,7 @@ class _Ground:
     ) -> tuple[Array, Array]:
         """Centre of pressure (N, 2) and normal force on each geom (N, n_geom), by the contact forces.
 
-        ``pushes`` are a table of where they act (:mod:`icmj.engine.linearisation`) and their sizes, shape (N, K).
+        ``pushes`` are a table of where they act (:mod:`icmj.engine.forces`) and their sizes, shape (N, K).
         """
         centre, load = np.full((len(x), 2), np.nan), np.zeros((len(x), self.model.ngeom))
         for i in self._visit(x, u, qpos, pushes):

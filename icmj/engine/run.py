@@ -28,12 +28,13 @@ from icmj.base.array import Array, between
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.process import INTERPRETED
 from icmj.controller.controller import Law, has_trigger
+from icmj.engine.buffers import States
 from icmj.engine.closed_loop import ComposedLoop, close_loop
 from icmj.engine.flow import Record, follow
 from icmj.engine.limits import apply_limits, find_clipped, has_limit, shares
 from icmj.engine.open_loop import EngineOpenLoop
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.schedule import EVENT_TOLERANCE, Schedule, States
+from icmj.engine.schedule import EVENT_TOLERANCE, Schedule
 from icmj.engine.stepping import Stepping, stepping_of
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant

@@ -10,7 +10,7 @@ from model_cases import MOTOR, MUSCLE, SERVO, pendulum, two, written
 
 from icmj import load_run, prepare, simulate
 from icmj.case.drafting import case_name, draft_run
-from icmj.engine.plant import inventory
+from icmj.engine.inventory import inventory
 from icmj.errors import ModelError
 
 SHIPPED = ("pendulum", "pendulum_neglected", "three_link", "three_link_floor")

@@ -7,7 +7,7 @@ import pytest
 from model_cases import written
 
 from icmj import MujocoPlant, load_plant, parse_run, prepare
-from icmj.engine.limits import corners
+from icmj.engine.corners import corners
 
 MODEL = """
 <mujoco model="limited">

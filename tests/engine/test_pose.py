@@ -9,8 +9,9 @@ import pytest
 from log_cases import MODELS, made_up
 
 from icmj import LinearPlant, MujocoPlant, Simulation, load_plant
-from icmj.engine.linearisation import Linearisation, ports_of
+from icmj.engine.linearisation import Linearisation
 from icmj.engine.model import operating_point
+from icmj.engine.ports import ports_of
 from icmj.engine.pose import scene
 from icmj.errors import ModelError
 

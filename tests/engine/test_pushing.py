@@ -18,7 +18,7 @@ from icmj.cycle.return_map import ReturnMap, course, derivative, jacobian
 from icmj.engine.block import block_of
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.deviation import Deviation
-from icmj.engine.linearisation import effects, forces, places
+from icmj.engine.forces import effects, forces, places
 from icmj.engine.native.field import callbacks
 from icmj.engine.plant import load_plant
 from icmj.engine.reaction import centre_of_pressure

@@ -1,8 +1,8 @@
 """The rates of plant, observer and hold at the engine's state, from the fewest stages that give identical results.
 
-Exogenous signals at an instant, in the loops and callbacks; see :mod:`icmj.engine.block`.
+Exogenous signals at an instant, in the loops and callbacks; see :mod:`icmj.engine.signals`.
 
-Forces on bodies, in the compiled loops; :mod:`icmj.engine.linearisation` has the same in numpy for the analysis.
+Forces on bodies, in the compiled loops; :mod:`icmj.engine.forces` has the same in numpy for the analysis.
 
 The controller as MuJoCo's callbacks: outputs afresh, the command, and the rates of observer and hold.
 
@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from icmj.engine import block, linearisation
+from icmj.engine import block, forces, signals
 from icmj.engine import model as actuators
-from icmj.engine.block import Slot, Stages
+from icmj.engine.block import Slot
 from icmj.engine.native.memory import (
     address,
     allocating,
@@ -36,14 +36,15 @@ from icmj.engine.native.memory import (
     size,
     sources,
 )
+from icmj.engine.stages import Stages
 
 # numba rewrites calls of types, which type checkers cannot see
 # mypy: disable-error-code="call-arg, call-overload"
 
 
 # constants that compiled code freezes
-_SIGNAL, _WEIGHTS, _CELL, _PLACE = block.SIGNAL, block.WEIGHTS, block.CELL, block.PLACE
-_HALF, _KEPT, _GROUP = block.HALF, block.KEPT, block.GROUP
+_SIGNAL, _WEIGHTS, _CELL, _PLACE = signals.SIGNAL, signals.WEIGHTS, signals.CELL, signals.PLACE
+_HALF, _KEPT, _GROUP = signals.HALF, signals.KEPT, block.GROUP
 
 
 @exact
@@ -161,7 +162,7 @@ _apply = engine_function("mj_applyFT", "void(intp, intp, intp, intp, intp, int32
 _global = engine_function("mj_local2Global", "void(intp, intp, intp, intp, intp, int32, uint8)")
 
 # constants that compiled code freezes
-_FREEDOM, _ACTUATOR, _WIDTH, _PUSH = linearisation.FREEDOM, linearisation.ACTUATOR, linearisation.WIDTH, block.SIGNAL
+_FREEDOM, _ACTUATOR, _WIDTH, _PUSH = forces.FREEDOM, forces.ACTUATOR, forces.WIDTH, signals.SIGNAL
 
 
 @allocating
@@ -204,7 +205,7 @@ _sensor_pos, _sensor_vel = engine_function("mj_sensorPos"), engine_function("mj_
 
 # Constants that compiled code freezes; MuJoCo's layout enters by closure variables instead (see callbacks). Code gone
 # stale is caught at start-up by icmj.engine.flow.
-_MAGIC, _VERSION, _HEADER, _INPUT = block.MAGIC, block.VERSION, block.HEADER, block.SIGNAL
+_MAGIC, _VERSION, _HEADER, _INPUT = block.MAGIC, block.VERSION, block.HEADER, signals.SIGNAL
 _N_DYN, _USER = int(mujoco.mjNDYN), int(mujoco.mjtDyn.mjDYN_USER)
 _VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
 _lag = compiled(actuators.lag)

@@ -17,7 +17,8 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.process import INTERPRETED
-from icmj.engine.block import Block, Slot, Stages, block_of, has_rates, rows_need_forward, span, stages_of
+from icmj.engine.block import Block, Slot, block_of, rows_need_forward, span
+from icmj.engine.buffers import Buffers
 from icmj.engine.native.field import drive, flow, forward
 from icmj.engine.native.memory import (
     address,
@@ -30,7 +31,8 @@ from icmj.engine.native.memory import (
     run_guarded,
     sources,
 )
-from icmj.engine.schedule import Buffers, Schedule, row_after
+from icmj.engine.schedule import Schedule, row_after
+from icmj.engine.stages import Stages, has_rates, stages_of
 from icmj.simulation.native.loop import EDGE, Status
 from icmj.simulation.native.taps import FALLS
 from icmj.simulation.native.taps import change as change_controller
@@ -70,7 +72,7 @@ RESTARTED, STALE = 1, 2
 class Engine(NamedTuple):
     """Views of the engine's memory, addresses for its functions, and work arrays.
 
-    ``stages`` says what gives the rates (:mod:`icmj.engine.block`). Of the motors of a plain model ``moment`` holds
+    ``stages`` says what gives the rates (:mod:`icmj.engine.stages`). Of the motors of a plain model ``moment`` holds
     the moments about the degrees of freedom, ``moment_at`` (motor, degree of freedom) of each, ``gain`` the motors'
     gains. ``applied`` are the generalised forces of pushes, ``rownnz``, ``rowadr``, ``column`` and ``value`` the
     moments of all actuators. ``waves`` holds the signals of disturbance, errors and pushes, and of what time and phase

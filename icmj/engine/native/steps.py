@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from icmj.base.roots import ONE_INSTANT, one
-from icmj.engine.block import Stages
 from icmj.engine.native.field import drive, flow, forward
 from icmj.engine.native.memory import (
     address,
@@ -46,6 +45,7 @@ from icmj.engine.native.state import (
     note_row,
 )
 from icmj.engine.schedule import EVENT_TOLERANCE, row_after
+from icmj.engine.stages import Stages
 from icmj.simulation.native.loop import (
     ARRIVED,
     EDGE,

@@ -26,7 +26,7 @@ from functools import cache
 from typing import Any
 
 from icmj.base.roots import ONE_INSTANT, evaluate
-from icmj.engine.block import Slot, Stages
+from icmj.engine.block import Slot
 from icmj.engine.native.field import flow, forward
 from icmj.engine.native.memory import address, bare, compiled, engine_function, entry, exact, merged, sources
 from icmj.engine.native.state import (
@@ -42,6 +42,7 @@ from icmj.engine.native.state import (
 )
 from icmj.engine.native.steps import save, step
 from icmj.engine.schedule import row_after
+from icmj.engine.stages import Stages
 from icmj.simulation.native.loop import ARRIVED, EDGE, SIGNAL, Status, is_due, run_loop
 from icmj.simulation.native.loop import sources as sources_of_loop
 from icmj.simulation.native.taps import (
