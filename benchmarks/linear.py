@@ -10,8 +10,8 @@ from benchmarks.row import Row, interleaved, least
 from benchmarks.task import three_link
 from icmj import LinearPlant, Settings, SwitchingPD
 from icmj.linear.loop import linear_loop
+from icmj.linear.open_loop import open_loop
 from icmj.linear.run import simulate, simulate_tapped
-from icmj.linear.simulator import open_loop
 
 DURATION = 60.0
 COMPARED = 15.0

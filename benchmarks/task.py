@@ -17,7 +17,8 @@ from icmj import (
     output_weight,
     predict,
 )
-from icmj.controller.design import design_lq, system_matched
+from icmj.controller.design import design_lq
+from icmj.controller.hold import system_matched
 from icmj.engine.closed_loop import ComposedLoop, close_loop
 
 MODEL = Path(__file__).resolve().parent.parent / "models" / "three_link.xml"

@@ -39,8 +39,10 @@ from icmj import (
     output_weight,
     predict,
 )
-from icmj.case.result import settled_on
-from icmj.controller.design import Delay, Design, Hold, design_lq, system_matched, zero_order
+from icmj.case.laid_orbit import settled_on
+from icmj.controller.delay import Delay
+from icmj.controller.design import Design, design_lq
+from icmj.controller.hold import Hold, system_matched, zero_order
 from icmj.controller.trigger import EventRule
 from icmj.errors import IcmjError
 from icmj.linear.run import simulate

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from icmj import Controller, Deviation, EventTrigger, MujocoPlant, Prediction, load_plant, output_weight, predict
-from icmj.controller.design import Design, design_lq, system_matched
+from icmj.controller.design import Design, design_lq
+from icmj.controller.hold import system_matched
 from icmj.theory.error_system import ErrorSystem, error_system
 
 MODELS = Path(__file__).parents[1] / "models"

@@ -17,7 +17,9 @@ from tapped_cases import SWITCHING, person
 
 import icmj
 from icmj.controller.controller import Controller, Law
-from icmj.controller.design import Delay, design_lq, system_matched
+from icmj.controller.delay import Delay
+from icmj.controller.design import design_lq
+from icmj.controller.hold import system_matched
 from icmj.controller.rules.box import BoxTrigger
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
@@ -26,7 +28,7 @@ from icmj.engine.deviation import Deviation
 from icmj.engine.open_loop import EngineOpenLoop, open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.run import simulate
-from icmj.plant.body import Activation
+from icmj.plant.activation import Activation
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
 from icmj.simulation.simulation import Simulation

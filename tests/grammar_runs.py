@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from icmj.controller.design import HOLDS
+from icmj.controller.hold import HOLDS
 from icmj.plant.quality import KINDS
 
 ROOT = Path(__file__).resolve().parent.parent

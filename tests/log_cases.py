@@ -11,13 +11,15 @@ from scipy.optimize import brentq
 
 from icmj import Controller, Deviation, LinearPlant, MujocoPlant, Prediction, RunFile, load_plant, parse_run
 from icmj.case.result import AmplitudeLaw, Growth, Result
-from icmj.controller.design import Design, design_lq, output_weight, system_matched
+from icmj.controller.design import Design, design_lq, output_weight
+from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.engine.linearisation import linearise
 from icmj.engine.pose import scene
 from icmj.measurement.measurement import Measurement
 from icmj.simulation.ending import Outcome
-from icmj.simulation.simulation import Events, Pressure, Simulation
+from icmj.simulation.pressure import Pressure
+from icmj.simulation.simulation import Events, Simulation
 from icmj.theory.crossings import Crossing
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.orbit import Orbit

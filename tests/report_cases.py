@@ -17,7 +17,7 @@ from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.trigger import Continuous
 from icmj.linear.run import simulate
 from icmj.plant.linear_plant import LinearPlant, transformation
-from icmj.simulation.simulation import Pressure
+from icmj.simulation.pressure import Pressure
 
 MODELS = Path(__file__).parents[1] / "models"
 NAMES = {"states": ("hinge", "hinge_rate"), "inputs": ("torque",), "outputs": ("angle",), "output_units": ("rad",)}

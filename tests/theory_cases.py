@@ -8,7 +8,8 @@ from scipy.linalg import block_diag, expm
 from scipy.optimize import brentq, linear_sum_assignment
 
 from icmj import Continuous, Controller, LinearPlant, Prediction, Settings, Simulation
-from icmj.controller.design import Design, design_lq, system_matched
+from icmj.controller.design import Design, design_lq
+from icmj.controller.hold import system_matched
 from icmj.errors import DesignError
 from icmj.linear.run import simulate
 from icmj.theory.error_system import ErrorSystem, error_system

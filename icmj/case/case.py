@@ -3,13 +3,11 @@ then to a simulation.
 
 A controller without an event rule has no critical interval and no prediction: what is said of it comes from its runs,
 and from the characteristic roots of its loop in each mode.
-
-Doubts about a case before it runs, and what of its run file its plants do not have.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, cast, get_args
@@ -22,20 +20,14 @@ from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import count
 from icmj.base.text import did_you_mean, one_line
+from icmj.case.control import controller_of, setpoint_of
+from icmj.case.iosystem import AnyPlant
 from icmj.case.noise import refuse_beyond_theory, small_noise
-from icmj.case.plants import (
-    AnyPlant,
-    actual_plant,
-    assumed_plant,
-    controller_of,
-    keyframe_of,
-    linear_plant,
-    setpoint_of,
-)
+from icmj.case.notices import doubt_setpoint, doubts, reach, slow_noise
+from icmj.case.plants import actual_plant, assumed_plant, linear_plant
 from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.controller.setpoint import Setpoint
 from icmj.controller.trigger import EventRule, Trigger
-from icmj.engine.corners import corners
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import with_pressure
 from icmj.errors import AnalysisError, DesignError, IcmjError, RunFileError, SimulationError, expect, prefix_errors
@@ -43,9 +35,9 @@ from icmj.plant.linear_plant import LinearPlant, Match, expect_linear, match_por
 from icmj.plant.quality import Notice, permit
 from icmj.runfile.schema import RunFile
 from icmj.runfile.target import TargetTable
-from icmj.simulation.disturbance import expect_held, expected, realised
-from icmj.simulation.ending import OpenLoop
-from icmj.simulation.settings import Noise, Settings
+from icmj.simulation.disturbance import expect_held
+from icmj.simulation.open_loop import OpenLoop
+from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
 from icmj.theory.delay_roots import loops_of, rightmost_roots
 from icmj.theory.error_system import ErrorSystem, error_system
@@ -53,103 +45,6 @@ from icmj.theory.prediction import Prediction, predict, scaled
 from icmj.theory.spread import Spread, predict_spread
 
 DESIGN_FAILS = ("saturation", "uncontrollable", "unobservable")  # notices that say why there is no design
-SLOW = 0.25  # of the size of a noise: what a run may fall short of it without a word
-MANY = 20.0  # periods of the edge of its spectrum, beyond which no run falls short by so much
-
-
-def doubts(run: RunFile, assumed: AnyPlant, actual: AnyPlant) -> Iterator[Notice]:
-    """The notices about both plants; a notice that applies to both appears once."""
-    yield from assumed.told
-    told = {notice.kind for notice in assumed.told}
-    yield from (_of(notice, "actual") for notice in actual.told if notice.kind not in told)
-    common = [notice for notice in assumed.quality.notices if notice in actual.quality.notices]
-    yield from common
-    for which, plant in (("assumed", assumed), ("actual", actual)):
-        yield from (_of(notice, which) for notice in plant.quality.notices if notice not in common)
-    if run.on_engine and keyframe_of(run) is None and run.assumed.keyframe is not None:
-        words = (
-            f"the actual model has no keyframe {run.assumed.keyframe!r} and is taken at its reference configuration; "
-            "name one in [actual] keyframe"
-        )
-        yield Notice("keyframe", "warning", words)
-    if run.assumed.person and not run.actual.model_dump(exclude_defaults=True):
-        words = (
-            "the actual person follows the assumed one; there is no model error (to change only one of them, give "
-            "[actual.person], with the height and mass of the actual person)"
-        )
-        yield Notice("person", "warning", words)
-    if run.disowned:
-        words = (
-            "this run differs from the published case in plant, design or rule; published values of [case.paper] are "
-            "not shown"
-        )
-        yield Notice("paper", "warning", words)
-    if not isinstance(actual, MujocoPlant):
-        return
-    biased = [
-        name
-        for name, beta in zip(actual.linearisation.plant.outputs, actual.linearisation.ports.beta, strict=True)
-        if beta
-    ]
-    if biased:
-        words = f"the bias of {', '.join(biased)} acts in MuJoCo only; the linear theory and plant have no offset"
-        yield Notice("sensor bias", "warning", words)
-
-
-def _of(notice: Notice, which: str) -> Notice:
-    return replace(notice, words=f"{notice.words} ({which} plant)")
-
-
-def slow_noise(settings: Settings) -> Iterator[Notice]:
-    """A notice about noise so slow that its size in one run may differ from the size that was set."""
-    slow: dict[float, list[str]] = {}  # by the time that it acts, one for each input and output
-    for noise in settings.disturbance:
-        if not isinstance(noise, Noise) or noise.start >= settings.duration:
-            continue
-        edge = noise.bandwidth or noise.corner or 0.0
-        if edge * (settings.duration - noise.start) > MANY:
-            continue
-        low, high = expected(noise, settings.duration)
-        if low > (1 - SLOW) * noise.size:
-            continue
-        mean, deviation = realised(noise, settings.duration)
-        words = (
-            f"{noise.output if noise.input is None else noise.input}, whose SD is {deviation:.2g} about a mean of "
-            f"{mean:.2g} with this seed (nominal {noise.size:g}; 95 % of seeds {low:.2g} to {high:.2g})"
-        )
-        slow.setdefault(settings.duration - noise.start, []).append(words)
-    for seconds, each in slow.items():
-        words = (
-            f"{seconds:g} s are too short for the slow noise on {'; on '.join(each)}; take a longer run, or many seeds"
-        )
-        yield Notice("slow noise", "warning", words)
-
-
-def doubt_setpoint(run: RunFile) -> Iterator[Notice]:
-    """Notices about a set-point and a sampling delay, which the linear theory does not cover."""
-    if run.setpoint:
-        words = (
-            "the prediction is that of r = 0; intervals and peaks measured in a run include the motion that the "
-            "set-point asks for"
-        )
-        yield Notice("set-point", "warning", words)
-    if late := run.intermittent.sampling_delay:
-        words = (
-            f"the prediction is that of a controller that samples at its threshold, and this one samples {late:g} s "
-            "later; intervals and peaks of a run are others"
-        )
-        yield Notice("sampling delay", "warning", words)
-
-
-def reach(actual: AnyPlant, prediction: Prediction) -> Iterator[Notice]:
-    """Limits that the predicted orbit reaches, and other corners of the plant on it."""
-    if prediction.orbit is None or np.isinf(prediction.orbit.gamma) or not isinstance(actual, MujocoPlant):
-        return
-    orbit, n = prediction.orbit, actual.linearisation.plant.n
-    x, u = orbit.X[:, :n], orbit.u
-    if orbit.sign < 0:  # the other half is the mirror image
-        x, u = np.vstack([x, -x]), np.vstack([u, -u])
-    yield from corners(actual, x, u)
 
 
 def check_names(run: RunFile, assumed: LinearPlant, plant: AnyPlant) -> None:
@@ -529,7 +424,7 @@ def open_loop(
     there, controller, settings = _parts(case, plant, trigger, duration, refinement)
     assert has_trigger(controller)
     if plant == "linear":
-        from icmj.linear.simulator import open_loop as linear_open_loop
+        from icmj.linear.open_loop import open_loop as linear_open_loop
 
         return linear_open_loop(there, controller, settings)
     from icmj.engine.open_loop import open_loop as engine_open_loop

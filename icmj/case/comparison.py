@@ -23,7 +23,8 @@ import numpy as np
 from icmj.base.array import Array, leading
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import Fact, amount, collect_facts, count, ordinal, plain, relative
-from icmj.case.result import Result, beside, has_prediction, settled_on
+from icmj.case.laid_orbit import beside, settled_on
+from icmj.case.result import Result, has_prediction
 from icmj.errors import AnalysisError
 from icmj.measurement.measurement import Measurement, measured_gamma
 from icmj.measurement.statistics import Statistics
@@ -48,7 +49,7 @@ class Ran:
 
 
 def on_predicted_cycle(prediction: Prediction, measurement: Measurement) -> bool:
-    """Whether the run ended on a predicted cycle; see :func:`icmj.case.result.settled_on`."""
+    """Whether the run ended on a predicted cycle; see :func:`icmj.case.laid_orbit.settled_on`."""
     return settled_on(prediction, measurement) is not None
 
 
@@ -315,7 +316,7 @@ class Comparison(WithCard):
         predicted, measured, relative_error: predicted and measured values, and their relative differences.
         words: the verdict in one or two sentences.
         notices: notices about plants and run.
-        pressure: for a body that stands on a floor, :attr:`icmj.simulation.simulation.Pressure.facts`; otherwise empty.
+        pressure: for a body that stands on a floor, :attr:`icmj.simulation.pressure.Pressure.facts`; otherwise empty.
         outputs, output_units: names and units of the outputs.
         measures: results of the user's own measures, by name.
         changes: what of the run file has changed since it was read, in one sentence; empty if nothing has.

@@ -218,7 +218,8 @@ def _tell_run(result: Result, log: Path, changed: bool, spread: str = "") -> Non
 
 def _peaks(result: PredictedResult) -> str:
     """The largest values of the outputs, with those of the predicted cycle, if there is one, in brackets."""
-    from icmj.case.result import beside, quantities
+    from icmj.case.laid_orbit import beside
+    from icmj.case.quantity import quantities
 
     def shown(values: Array, i: int) -> str:
         unit = units[i].unit
@@ -335,7 +336,7 @@ def replay(command: arguments.ReplayCommand) -> None:
 def person(command: arguments.PersonCommand) -> None:
     """Write a person's model and say what it is."""
     from icmj.engine.plant import shape_to_person
-    from icmj.plant.body import Person
+    from icmj.plant.person import Person
     from icmj.work.own_code import model_file
 
     replaceable(command.out)

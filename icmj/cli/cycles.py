@@ -110,7 +110,7 @@ def _reach(simulation: Simulation, period: float) -> tuple[Array, Array]:
 def continue_(command: arguments.ContinueCommand) -> None:
     """Follow a branch, and what branches off; store and list them."""
     from icmj.base.files import replaceable, write_bytes
-    from icmj.case.case import doubt_setpoint
+    from icmj.case.notices import doubt_setpoint
     from icmj.cli.printing import show_branch
     from icmj.cycle.branch import write_branch
     from icmj.cycle.continuation import BRANCHING, branch_off, follow

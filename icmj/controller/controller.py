@@ -2,7 +2,7 @@
 
 u = −k̂ x_h; between events x_h follows the hold, at an event x_h := x_o. The observer runs continuously. An *event* is
 an instant at which the controller takes new feedback; an event rule or a clock determines it. With a delay
-(:mod:`icmj.controller.design`) the event only makes a prediction, and the *action* follows later: x_h := the
+(:mod:`icmj.controller.delay`) the event only makes a prediction, and the *action* follows later: x_h := the
 prediction. With a sampling delay the event comes so long after the rule has reached its threshold; Δ_min counts between
 thresholds.
 
@@ -36,7 +36,9 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.design import LEAST, NO_DELAY, Delay, Design, Hold, predictor
+from icmj.controller.delay import LEAST, NO_DELAY, Delay, predictor
+from icmj.controller.design import Design
+from icmj.controller.hold import Hold
 from icmj.controller.realisation import Layout, Mode, Rates, Realisation
 from icmj.controller.setpoint import Setpoint
 from icmj.controller.trigger import ClockTrigger, Continuous, Faces, Kind, Trigger

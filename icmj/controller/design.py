@@ -1,34 +1,16 @@
-"""The parts of the intermittent controller: design, hold, delay with its predictor.
-
-The design: state-feedback gain k̂ and observer gain L for the assumed plant (paper, eqs. obs–A_c).
-
-The hold, which generates the control between events (paper, section 2.2).
-
-The delay between an event and its action, and the predictor that compensates for it.
-
-At an event t_i the pair (x_o, x_h) is sampled. The old hold continues until t_i + t_d; then x_h := E_p (x_o, x_h)(t_i),
-where the model is run over the delay under the current hold (Gawthrop, Loram, Lakie and Gollee 2011). The predictor
-uses the delay that the controller *assumes*, which may differ from the actual one.
-
-An event rule is armed again only after its feedback has acted, so at most one action is pending. A clock may tick
-faster than the delay; the model is then run through the pending resets, each at the time at which the controller
-expects it. The controller knows its own hold, so a reset that has taken place is no longer expected; overdue resets are
-left out.
-"""
+"""The design: state-feedback gain k̂ and observer gain L for the assumed plant (paper, eqs. obs–A_c)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from icmj.base.array import RELATIVE_ROUNDING, SEMIDEFINITE, Array, balanced_modes, real
+from icmj.base.array import SEMIDEFINITE, Array, balanced_modes, real
 from icmj.base.blas_threads import ignore_warnings, limit_to_one_thread
 from icmj.base.text import one_line
-from icmj.errors import AnalysisError, DesignError
+from icmj.errors import DesignError
 from icmj.plant.linear_plant import LinearPlant, expect_linear
 
 
@@ -167,158 +149,3 @@ def _definite(W: Array, name: str) -> Array:
     if not balanced_modes(W)[1][0] > 0:
         raise DesignError(f"weight {name} must be positive in every direction; it has an eigenvalue that is not")
     return W
-
-
-_ALIKE = 1e4  # condition of eigenvectors beyond which they cost digits
-
-
-@dataclass(frozen=True, eq=False)
-class Hold:
-    """The motion of the hold state between events: ẋ_h = A_h x_h (eq. hold).
-
-    Attributes:
-        name: name for tables and figures.
-        A_h: hold matrix, shape (n̂, n̂).
-
-    Raises:
-        AnalysisError: on construction, if A_h is not square, or complex.
-    """
-
-    name: str
-    A_h: Array
-
-    def __post_init__(self) -> None:
-        A_h = np.atleast_2d(real(self.A_h, "A_h", AnalysisError))
-        if A_h.ndim != 2 or A_h.shape[0] != A_h.shape[1]:
-            raise AnalysisError(f"A_h must be a square matrix, got shape {A_h.shape}")
-        object.__setattr__(self, "A_h", A_h)
-
-    def expect_fit(self, design: Design) -> None:
-        """Check that the hold fits ``design``.
-
-        Raises:
-            AnalysisError: if it has another number of states.
-        """
-        n = design.plant.n
-        if self.A_h.shape != (n, n):
-            raise AnalysisError(f"the hold's A_h has shape {self.A_h.shape}; the controller's model has {n} states")
-
-    def free(self, x_h: Array, t: Array) -> Array:
-        """The hold state at times ``t`` [s] after ``x_h``, exp(A_h t) x_h; shapes (n̂,), (K,) → (K, n̂)."""
-        rates, modes = self._modes
-        if modes is None:
-            from scipy.linalg import expm
-
-            return np.asarray(expm(self.A_h * t[:, None, None]) @ x_h)
-        parts = np.linalg.solve(modes, x_h.astype(complex))
-        return np.asarray((np.exp(np.multiply.outer(t, rates)) * parts) @ modes.T).real
-
-    @cached_property
-    def _modes(self) -> tuple[Array, Array | None]:
-        """Eigenvalues and eigenvectors of A_h; no eigenvectors (``None``) if they are nearly linearly dependent."""
-        rates, modes = np.linalg.eig(self.A_h)
-        return rates, modes if np.linalg.cond(modes) < _ALIKE else None
-
-
-def system_matched(design: Design) -> Hold:
-    """The system-matched hold, A_h = Â_c = Â − B̂k̂ (eq. holde)."""
-    return Hold("system-matched", design.A_c)
-
-
-def zero_order(design: Design) -> Hold:
-    """The zero-order hold, A_h = 0: the control signal keeps the value that it has at the event."""
-    return Hold("zero-order", np.zeros_like(design.A_c))
-
-
-HOLDS = {"system-matched": system_matched, "zero-order": zero_order}
-
-
-GROWTH = 36.0  # e³⁶: over a delay with more growth than that, rounding is as large as the state that is predicted
-LEAST = 1e-9  # s; with a shorter one event and action cannot be told apart in a recording
-
-
-@dataclass(frozen=True)
-class Delay:
-    """The time from an event to its action.
-
-    Attributes:
-        t_d: the actual delay [s].
-        assumed: the delay that the predictor assumes [s]; ``t_d`` if ``None``.
-
-    Raises:
-        AnalysisError: on construction, if a delay is negative or not finite, if only the assumed delay is positive, or
-            if the actual delay is too short to be resolved.
-    """
-
-    t_d: float = 0.0
-    assumed: float | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "t_d", float(self.t_d))
-        object.__setattr__(self, "assumed", None if self.assumed is None else float(self.assumed))
-        for name, value in (("delay", self.t_d), ("assumed delay", self.predicted)):
-            if not (np.isfinite(value) and value >= 0):
-                raise AnalysisError(f"the {name} must be at least 0 s and finite, got {value}")
-        if 0 < self.t_d < LEAST:
-            raise AnalysisError(f"the delay must be 0 or at least {LEAST:g} s, got {self.t_d:g}")
-        if self.t_d == 0 and self.predicted > 0:
-            raise AnalysisError(
-                f"a delay of {self.predicted:g} s is assumed where none is there; give the actual one, too"
-            )
-
-    @property
-    def predicted(self) -> float:
-        """The delay that the predictor compensates for [s]."""
-        return self.t_d if self.assumed is None else self.assumed
-
-    def __bool__(self) -> bool:
-        return self.t_d > 0
-
-    def in_flight(self, clock: float) -> int:
-        """The largest number of pending actions right after an event, under a rule or a clock of this interval."""
-        if not self:
-            return 0
-        return max(int(np.ceil(self.t_d / clock * (1 - RELATIVE_ROUNDING))), 1) if np.isfinite(clock) else 1
-
-    def expected(self, ages: Sequence[float]) -> list[float]:
-        """Times until pending actions are expected [s], from the ages of their events; overdue ones are left out."""
-        times = [self.predicted - age for age in ages]
-        return [time for time in times if time > RELATIVE_ROUNDING * self.predicted]
-
-
-NO_DELAY = Delay()
-
-
-def predictor(design: Design, hold: Hold, delay: float, resets: Sequence[float] = ()) -> Array:
-    """E_p, which takes (x_o, x_h, p_1 … p_r) to the state of the model after ``delay``.
-
-    It is the first block row of expm([[Â, −B̂k̂], [0, A_h]] t_d), taken through resets x_h := p_j on the way.
-
-    Args:
-        design, hold: of the controller.
-        delay: how far ahead [s].
-        resets: when x_h will be reset to p_1 … p_r, rising, each less than ``delay`` [s].
-
-    Returns:
-        shape (n̂, (2 + r) n̂).
-
-    Raises:
-        AnalysisError: if the model or the hold grows so much over the delay that no digit of the prediction is right.
-    """
-    from scipy.linalg import expm
-
-    n, known = design.plant.n, 2 + len(resets)
-    M = np.block([[design.plant.A, -design.plant.B @ design.k], [np.zeros((n, n)), hold.A_h]])
-    fastest = float(np.linalg.eigvals(M).real.max())
-    if fastest * delay > GROWTH:
-        raise AnalysisError(
-            f"no prediction over a delay of {delay:g} s: the model grows e^{fastest * delay:.3g}-fold in it, which "
-            "leaves no significant digit; assume a shorter delay"
-        )
-    state, now = np.eye(2 * n, known * n), 0.0
-    for j, at in enumerate(resets):
-        state = expm(M * (at - now)) @ state
-        state[n:] = 0
-        state[n:, (2 + j) * n : (3 + j) * n] = np.eye(n)
-        now = at
-    return np.asarray((expm(M * (delay - now)) @ state)[:n])

@@ -21,7 +21,8 @@ from annotated_types import Ge, Le, Len
 from numpy.typing import ArrayLike
 
 from icmj.base.array import MOST_ENTRIES, Array, Finite, Positive, Seed, since, steps_in
-from icmj.controller.design import Design, Hold
+from icmj.controller.design import Design
+from icmj.controller.hold import Hold
 from icmj.controller.trigger import Faces
 from icmj.errors import AnalysisError, DataError
 from icmj.plant.linear_plant import LinearPlant, expect_linear

@@ -1,10 +1,10 @@
 """Continuation: cycles along a parameter by pseudo-arclength, past folds, to where they change or end.
 
-A step is predicted by the polynomial through the last points of the curve in its length (:mod:`icmj.cycle.specials`),
+A step is predicted by the polynomial through the last points of the curve in its length (:mod:`icmj.cycle.trail`),
 and corrected on the plane across the curve, or at a fixed parameter where the curve runs with it, because a loop at a
 new parameter has to be built. Steps grow where the prediction is good. The map's derivative is computed at as many
 points as it takes to interpolate it at the others. On the way test functions of the multipliers tell where stability
-changes (:mod:`icmj.cycle.specials`); how a branch ends is :mod:`icmj.cycle.specials`'s.
+changes (:mod:`icmj.cycle.stability_changes`); how a branch ends is :mod:`icmj.cycle.endings`'s.
 
 Branches of cycles of a run file: from its cycle at one value of a parameter, and from special points.
 """
@@ -38,27 +38,28 @@ from icmj.cycle.curve import (
     redone,
 )
 from icmj.cycle.cycle import LONGEST, Guess, Start, close_cycle, from_prediction, from_simulation
-from icmj.cycle.return_map import LostInterval, PlantKind, ReturnMap, fast_jacobian
-from icmj.cycle.specials import (
+from icmj.cycle.endings import (
     CLOSE,
     Ending,
-    Test,
-    Trail,
-    critical,
-    describe_crossing,
-    direction,
     end_at_least_interval,
     end_by_rounding,
     end_where_lost,
-    find_crossed,
     homoclinic,
-    interpolate,
-    kappas,
-    locate,
     round_trip,
     touching,
+)
+from icmj.cycle.return_map import LostInterval, PlantKind, ReturnMap, fast_jacobian
+from icmj.cycle.stability_changes import (
+    Test,
+    critical,
+    describe_crossing,
+    direction,
+    find_crossed,
+    kappas,
+    locate,
     value_of,
 )
+from icmj.cycle.trail import Trail, interpolate
 from icmj.errors import CycleError, prefix_errors
 from icmj.runfile.schema import RunFile
 

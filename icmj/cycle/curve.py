@@ -28,7 +28,9 @@ from numpy.typing import NDArray
 
 from icmj.base.array import Array, falling
 from icmj.case.case import Case, expect_theory
-from icmj.case.plants import AnyPlant, actual_plant, assumed_plant, linear_plant, make_design, parts_of
+from icmj.case.control import make_design, parts_of
+from icmj.case.iosystem import AnyPlant
+from icmj.case.plants import actual_plant, assumed_plant, linear_plant
 from icmj.cycle.cycle import extent
 from icmj.cycle.return_map import LostInterval, PlantKind, ReturnMap, Turn, courses_of, fast_jacobian
 from icmj.engine.open_loop import OpenLoops
@@ -36,7 +38,7 @@ from icmj.engine.plant import MujocoPlant
 from icmj.errors import CycleError
 from icmj.plant.body import What
 from icmj.runfile.schema import RunFile
-from icmj.simulation.ending import Sample
+from icmj.simulation.open_loop import Sample
 
 KEYS = {
     "b": ("actual.gain",),

@@ -22,9 +22,10 @@ from icmj.engine.safety import isolate_engine
 from icmj.engine.schedule import Schedule, fastest_rate, phases_of
 from icmj.engine.stages import is_flow, may_constrain
 from icmj.simulation import ending
-from icmj.simulation.disturbance import Acting, Disturbance, Pushes, acting_on, edges_of
+from icmj.simulation.disturbance import Acting, Disturbance, Pushes, acting_on
 from icmj.simulation.ending import Outcome
 from icmj.simulation.native.loop import Status
+from icmj.simulation.rows import edges_of
 from icmj.simulation.settings import Settings, points_between
 from icmj.simulation.taps import least_of
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.errors import ModelError
-from icmj.plant.body import ANKLE_HEIGHT, SEGMENTS, Change, Person, What
+from icmj.plant.body import Change, What
+from icmj.plant.person import ANKLE_HEIGHT, SEGMENTS, Person
 
 
 def write_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:

@@ -24,7 +24,8 @@ from icmj.base.array import Array
 from icmj.engine.deviation import Deviation, shape
 from icmj.engine.safety import isolate_engine
 from icmj.errors import ModelError
-from icmj.plant.body import Activation, Lag, Person
+from icmj.plant.activation import Activation, Lag
+from icmj.plant.person import Person
 
 
 def is_second_order_lag(model: mujoco.MjModel, actuator: int) -> bool:

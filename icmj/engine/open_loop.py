@@ -17,8 +17,8 @@ from icmj.engine.safety import EngineFault, can_fault
 from icmj.engine.schedule import Schedule
 from icmj.engine.stepping import schedule_of
 from icmj.errors import CycleError, SimulationError
-from icmj.simulation.ending import OpenLoopInterval, Sample, one_in_flight
 from icmj.simulation.native.loop import Status
+from icmj.simulation.open_loop import OpenLoopInterval, Sample, one_in_flight
 from icmj.simulation.settings import Settings
 
 NEVER = 1e300  # s between rows: only events are wanted
@@ -29,7 +29,7 @@ EPS_U = 1e-4  # the same for a control, relative to its largest value on the way
 
 
 class EngineOpenLoop:
-    """Simulates from event to event; see :class:`icmj.simulation.ending.OpenLoop`. One for each thread."""
+    """Simulates from event to event; see :class:`icmj.simulation.open_loop.OpenLoop`. One for each thread."""
 
     def __init__(
         self, loop: ComposedLoop, schedule: Schedule, every: float = NEVER, like: EngineOpenLoop | None = None
@@ -128,7 +128,7 @@ class OpenLoops:
 
 
 class EngineCourse:
-    """See :class:`icmj.simulation.ending.Course`."""
+    """See :class:`icmj.simulation.open_loop.Course`."""
 
     def __init__(
         self, flight: EngineOpenLoop, x: Array, x_o: Array, x_h: Array, length: float, rows: Array | None = None

@@ -36,8 +36,10 @@ from icmj.engine.quality import assess
 from icmj.engine.safety import check_names, check_plant, check_sizes, isolate_engine, sound
 from icmj.engine.sensors import add_sensors
 from icmj.errors import ModelError
-from icmj.plant.body import Activation, Lag, OperatingRule, Person, Selection
+from icmj.plant.activation import Activation, Lag
+from icmj.plant.body import OperatingRule, Selection
 from icmj.plant.linear_plant import LinearPlant, Match, Push, pick, ports
+from icmj.plant.person import Person
 from icmj.plant.quality import Notice, Quality, adrift, idle, notice_omission
 from icmj.simulation.ending import Limit, limits_of
 from icmj.work.own_code import MODELS

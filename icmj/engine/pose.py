@@ -33,7 +33,9 @@ from icmj.engine.plant import MujocoPlant, place
 from icmj.engine.safety import isolate_engine
 from icmj.engine.stages import is_flow, may_constrain
 from icmj.errors import ModelError
-from icmj.simulation.simulation import Geom, Scene, Simulation, loop_signals, plain_names
+from icmj.simulation.labels import loop_signals, plain_names
+from icmj.simulation.scene import Geom, Scene
+from icmj.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
@@ -54,7 +56,7 @@ def scene(
         plant: the plant.
         simulation: a run of it.
         magnification: of the second figure's sway.
-        rows: indices of the samples, such as :func:`icmj.simulation.simulation.frames` gives; all if ``None``.
+        rows: indices of the samples, such as :func:`icmj.simulation.scene.frames` gives; all if ``None``.
 
     Raises:
         ModelError: if the simulation is not of this plant.
@@ -213,7 +215,7 @@ def plant_system(plant: MujocoPlant) -> NonlinearIOSystem:
 
 
 def continuous_loop(plant: MujocoPlant, controller: Controller) -> NonlinearIOSystem:
-    """The loop under u = −k̂ x_o, with inputs, outputs and states as :func:`icmj.linear.loop.continuous_loop`."""
+    """The loop under u = −k̂ x_o, with inputs, outputs and states as :func:`icmj.linear.systems.continuous_loop`."""
     import control
 
     dynamics, linear, design = Dynamics(plant), plant.linearisation.plant, controller.design

@@ -24,7 +24,8 @@ from icmj.engine.plant import MujocoPlant, place
 from icmj.engine.safety import isolate_engine
 from icmj.errors import ModelError
 from icmj.series.series import Series
-from icmj.simulation.simulation import Pressure, Simulation
+from icmj.simulation.pressure import Pressure
+from icmj.simulation.simulation import Simulation
 
 _STEP = 1e-5  # of a central difference, in the unit of a state, or of the torque that moves it so far
 

@@ -19,7 +19,9 @@ from numpy.typing import ArrayLike
 from icmj.base.array import Array
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.case.case import check_names
-from icmj.case.plants import actual_plant, assumed_plant, controller_of, digests, linear_plant
+from icmj.case.control import controller_of
+from icmj.case.plants import actual_plant, assumed_plant, linear_plant
+from icmj.case.references import digests
 from icmj.controller.controller import Law, has_trigger
 from icmj.errors import AnalysisError, FitError, IcmjError
 from icmj.linear.run import simulate

@@ -27,12 +27,14 @@ from icmj.linear.native.stretches import Body, Grid, Track, compile_stretches
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
-from icmj.simulation.disturbance import acting_on, collect_drives, edges_of, keep_rows
+from icmj.simulation.disturbance import acting_on
 from icmj.simulation.ending import EventPace
+from icmj.simulation.labels import labels_of
 from icmj.simulation.native.loop import Status
 from icmj.simulation.native.waves import Waves
+from icmj.simulation.rows import collect_drives, edges_of, keep_rows
 from icmj.simulation.settings import Settings, plant_start, points_between, start_states
-from icmj.simulation.simulation import Events, Simulation, labels_of
+from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.taps import (
     POWERS,
     begin,

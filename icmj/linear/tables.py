@@ -13,7 +13,7 @@ Exogenous inputs of a linear loop computed in advance: their polynomials on step
 
 Steps lie on a grid of their own, the same for every motion, so all that does not depend on the state is a product of
 matrices for hundreds of steps at once. Sinusoids are many, and slow beside a step: they are evaluated at a few instants
-of a stride of several steps (:mod:`icmj.simulation.disturbance`), and interpolated from there to all of these, to
+of a stride of several steps (:mod:`icmj.simulation.sinusoids`), and interpolated from there to all of these, to
 rounding.
 """
 
@@ -31,8 +31,8 @@ from icmj.base.array import Array
 from icmj.base.bernstein import economise, from_powers
 from icmj.linear.loop import Forcing, LinearLoop
 from icmj.linear.native.motion import Acting, Tables
-from icmj.simulation.disturbance import Waves, coefficients, enough, nodes, on_parts
 from icmj.simulation.settings import Gaussian, at_points, lines
+from icmj.simulation.sinusoids import Waves, coefficients, enough, nodes, on_parts
 
 
 def exponential(M: Array) -> Array:

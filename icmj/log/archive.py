@@ -30,10 +30,12 @@ from numpy.typing import NDArray
 from icmj.base.array import Array
 from icmj.base.files import read_bytes
 from icmj.base.text import one_line
-from icmj.case.plants import plant_files
+from icmj.case.references import plant_files
 from icmj.case.result import AmplitudeLaw, Attractor, Growth, Result, has_prediction
 from icmj.controller.controller import Controller, RecordedLaw, has_trigger, record_law
-from icmj.controller.design import Delay, Design, Hold
+from icmj.controller.delay import Delay
+from icmj.controller.design import Design
+from icmj.controller.hold import Hold
 from icmj.controller.realisation import Guard, Layout, Mode, Rates, Realisation
 from icmj.controller.rules import RULES
 from icmj.controller.setpoint import Setpoint
@@ -45,9 +47,12 @@ from icmj.plant.linear_plant import LinearPlant, Push
 from icmj.runfile.controllers import CONTROLLERS
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import MOST_BYTES, BundledFiles, RunFile
-from icmj.simulation.disturbance import acting_on, collect_drives
+from icmj.simulation.disturbance import acting_on
 from icmj.simulation.ending import Outcome
-from icmj.simulation.simulation import Events, Labels, Pressure, Simulation
+from icmj.simulation.labels import Labels
+from icmj.simulation.pressure import Pressure
+from icmj.simulation.rows import collect_drives
+from icmj.simulation.simulation import Events, Simulation
 from icmj.theory.circle import Crossing
 from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import PredictedOrbit, Prediction

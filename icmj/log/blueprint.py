@@ -15,10 +15,13 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from icmj.base.array import Array, between
-from icmj.case.result import Result, event_rows, has_prediction, in_brackets, lay_orbit, output_rate, shared_unit
+from icmj.case.laid_orbit import lay_orbit
+from icmj.case.motion import event_rows, output_rate
+from icmj.case.quantity import in_brackets, shared_unit
+from icmj.case.result import Result, has_prediction
 from icmj.log import figure
 from icmj.log.figure import TIMELINE, eye, time_column
-from icmj.simulation.simulation import frames
+from icmj.simulation.scene import frames
 
 if TYPE_CHECKING:
     from icmj.case.result import PredictedResult

@@ -26,7 +26,7 @@ from icmj.log.blueprint import BACKGROUND, arrange
 from icmj.log.figure import eye, in_memory, time_column, write_figures
 from icmj.log.reader import static_row
 from icmj.log.writer import APPLICATION, ARCHIVE, strictly
-from icmj.simulation.simulation import Scene
+from icmj.simulation.scene import Scene
 
 LASTS = 1.5  # s on each cycle, at least
 WIDE = 1.6  # width of the diagram's frame over its height

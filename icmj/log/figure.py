@@ -27,7 +27,7 @@ import rerun as rr
 from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import LogError
-from icmj.simulation.simulation import Geom, Scene, frames
+from icmj.simulation.scene import Geom, Scene, frames
 
 Colour = tuple[int, int, int, int]
 

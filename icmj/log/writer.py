@@ -29,18 +29,10 @@ from icmj.base.numbers import amount, collect_facts, ordinal, relative
 from icmj.base.numbers import eigenvalue as eigenvalue_in_words
 from icmj.base.text import one_line
 from icmj.case.comparison import COMPARED, RUN, Comparison, compare
-from icmj.case.result import (
-    Result,
-    acting,
-    has_prediction,
-    in_brackets,
-    in_unit,
-    lay_orbit,
-    modes,
-    reduce_state,
-    running_interval,
-    with_resets,
-)
+from icmj.case.laid_orbit import lay_orbit
+from icmj.case.motion import acting, modes, reduce_state, running_interval, with_resets
+from icmj.case.quantity import in_brackets, in_unit
+from icmj.case.result import Result, has_prediction
 from icmj.controller.setpoint import Setpoint
 from icmj.errors import LogError
 from icmj.log import archive, figure

@@ -1,4 +1,4 @@
-from .body import Activation as Activation
+from .activation import Activation as Activation
 from .body import Change as Change
 from .body import OperatingRule as OperatingRule
 from .body import Selection as Selection

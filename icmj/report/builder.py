@@ -13,7 +13,8 @@ import numpy as np
 from icmj.base import VERSION
 from icmj.base.files import scratch, write_bytes
 from icmj.base.text import one_line
-from icmj.case.result import Result, SweepTable, has_prediction
+from icmj.case.result import Result, has_prediction
+from icmj.case.sweep_table import SweepTable
 from icmj.errors import ReportError
 from icmj.report import sections, style
 from icmj.report.drawing import (

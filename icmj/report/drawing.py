@@ -26,13 +26,15 @@ from markupsafe import Markup
 
 from icmj.base.array import Array
 from icmj.base.text import one_line
-from icmj.case.result import Result, output_rate, quantities
+from icmj.case.motion import output_rate
+from icmj.case.quantity import quantities
+from icmj.case.result import Result
 from icmj.errors import ReportError
 from icmj.report import style
 from icmj.report.sections import Picture
 from icmj.report.style import NAME
 from icmj.report.wording import CaseRuns
-from icmj.simulation.simulation import Geom, Scene, frames
+from icmj.simulation.scene import Geom, Scene, frames
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

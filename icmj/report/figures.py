@@ -21,16 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import between, steps_in
-from icmj.case.result import (
-    AmplitudeLaw,
-    Result,
-    curve,
-    has_prediction,
-    in_unit,
-    quantities,
-    shared_unit,
-    threshold_unit,
-)
+from icmj.case.motion import curve
+from icmj.case.quantity import in_unit, quantities, shared_unit, threshold_unit
+from icmj.case.result import AmplitudeLaw, Result, has_prediction
 from icmj.errors import DataError, ReportError
 from icmj.measurement.stabilogram import Diffusion
 from icmj.measurement.sway import Sway, measure_sway

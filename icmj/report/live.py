@@ -22,10 +22,10 @@ from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.files import write_text
 from icmj.base.text import one_line
 from icmj.case.case import Case, Theory, expect_rule, expect_theory
-from icmj.case.plants import AnyPlant
-from icmj.case.result import quantities
+from icmj.case.iosystem import AnyPlant
+from icmj.case.quantity import quantities
 from icmj.controller.controller import has_trigger
-from icmj.controller.design import Delay
+from icmj.controller.delay import Delay
 from icmj.controller.realisation import Realisation
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.pose import chain_of

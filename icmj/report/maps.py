@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from icmj.base.array import Array
 from icmj.base.text import one_line
-from icmj.case.result import SweepTable, in_unit
+from icmj.case.quantity import in_unit
+from icmj.case.sweep_table import SweepTable
 from icmj.errors import ReportError
 from icmj.report import style
 

@@ -21,26 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array, between
+from icmj.case.laid_orbit import beside, lay_orbit
+from icmj.case.motion import acting, curve, event_rows, latter_part, modes, output_rate, reduce_state, with_resets
 from icmj.case.noise import spread_about
-from icmj.case.result import (
-    Quantity,
-    acting,
-    beside,
-    curve,
-    event_rows,
-    latter_part,
-    lay_orbit,
-    modes,
-    output_rate,
-    quantities,
-    reduce_state,
-    with_resets,
-)
+from icmj.case.quantity import Quantity, quantities
 from icmj.errors import IcmjError, ReportError
 from icmj.report import style
 from icmj.report.figures import LOCUS, MODULUS
 from icmj.report.wording import CaseRuns, Panel, compares, shown_interval
-from icmj.simulation.simulation import Pressure, Simulation
+from icmj.simulation.pressure import Pressure
+from icmj.simulation.simulation import Simulation
 from icmj.theory.orbit import Orbit
 from icmj.theory.spread import Spread
 

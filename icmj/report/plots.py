@@ -22,7 +22,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from icmj.case.result import Result, SweepTable, threshold_unit
+from icmj.case.quantity import threshold_unit
+from icmj.case.result import Result
+from icmj.case.sweep_table import SweepTable
 from icmj.errors import ReportError
 from icmj.experiments.reconstruction import Reconstruction
 from icmj.experiments.refractoriness import Refractoriness

@@ -21,9 +21,11 @@ import numpy as np
 from icmj.base import numbers
 from icmj.base.array import between
 from icmj.base.numbers import count
-from icmj.case.result import Attractor, Quantity, Result, SweepTable, in_unit, quantities, threshold_unit
+from icmj.case.quantity import Quantity, in_unit, quantities, threshold_unit
+from icmj.case.result import Attractor, Result
+from icmj.case.sweep_table import SweepTable
 from icmj.cycle.branch import Branch
-from icmj.plant.body import Person
+from icmj.plant.person import Person
 from icmj.report.branch import parameter_in_words
 from icmj.report.figures import Rival, kind_in_words
 from icmj.report.statements import statements as statements

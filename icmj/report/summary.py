@@ -17,7 +17,7 @@ from icmj.base import numbers
 from icmj.base.array import Array
 from icmj.base.numbers import count
 from icmj.case.comparison import Comparison
-from icmj.case.result import in_unit, quantities
+from icmj.case.quantity import in_unit, quantities
 from icmj.experiments.quiet_standing import YOUNG_PEOPLE
 from icmj.measurement.statistics import Estimate
 from icmj.measurement.sway import MEASURES

@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 from icmj.base import numbers
 from icmj.base.array import Array, between
 from icmj.case.comparison import Comparison, compare, on_predicted_cycle
-from icmj.case.result import Result, has_prediction, quantities
+from icmj.case.quantity import quantities
+from icmj.case.result import Result, has_prediction
 from icmj.controller.design import Design, output_weight
 from icmj.errors import ReportError
 from icmj.measurement.measurement import Measurement

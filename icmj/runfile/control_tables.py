@@ -12,7 +12,9 @@ from pydantic import model_validator
 
 from icmj.base.array import Matrix, NonNegative, Numbers, Positive, Positives, Weight, real
 from icmj.controller.controller import Controller, Law
-from icmj.controller.design import HOLDS, Delay, Design, Hold
+from icmj.controller.delay import Delay
+from icmj.controller.design import Design
+from icmj.controller.hold import HOLDS, Hold
 from icmj.controller.rules import RULES
 from icmj.controller.setpoint import (
     Setpoint,

@@ -14,8 +14,8 @@ from icmj.base.array import Finite
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import ZERO
 from icmj.runfile.table import LISTED, TomlTable, make
-from icmj.simulation.disturbance import tilt_sources
 from icmj.simulation.settings import On, Source
+from icmj.simulation.tilt import tilt_sources
 from icmj.work.own_code import Code
 
 Kind = TypeVar("Kind", bound=Source)

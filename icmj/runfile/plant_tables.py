@@ -10,7 +10,9 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from icmj.base.array import Finite, Matrix, NonNegative, Numbers
-from icmj.plant.body import Activation, Change, OperatingKind, OperatingRule, Person, Segment, Selection
+from icmj.plant.activation import Activation
+from icmj.plant.body import Change, OperatingKind, OperatingRule, Selection
+from icmj.plant.person import Person, Segment
 from icmj.runfile.table import CHOICE, Parameters, Reference, TomlTable, check_by, keys_of, make
 
 LETTERS = ("A", "B", "C")
@@ -63,12 +65,12 @@ class MatrixTable(TomlTable):
 
 @keys_of(Segment, optional=True)
 class SegmentTable(TomlTable):
-    """Values of a segment that replace the default ones; see :class:`icmj.plant.body.Segment`."""
+    """Values of a segment that replace the default ones; see :class:`icmj.plant.person.Segment`."""
 
 
 @keys_of(Person)
 class PersonTable(TomlTable):
-    """Height [m] and mass [kg], passive torque, and segments; see :class:`icmj.plant.body.Person`."""
+    """Height [m] and mass [kg], passive torque, and segments; see :class:`icmj.plant.person.Person`."""
 
     segments: dict[Literal["shank", "thigh", "trunk", "foot"], SegmentTable] = {}
     """Segments by name whose values differ from the default ones."""

@@ -27,7 +27,8 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 from icmj.base.array import MOST_ENTRIES, Positive
 from icmj.base.text import one_line
 from icmj.errors import RunFileError
-from icmj.plant.body import Activation, Person
+from icmj.plant.activation import Activation
+from icmj.plant.person import Person
 from icmj.runfile.control_tables import Analysis, Control, ControllerTable, Weights
 from icmj.runfile.controllers import CONTROLLERS
 from icmj.runfile.place import DisturbanceTable

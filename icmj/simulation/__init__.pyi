@@ -1,5 +1,5 @@
-from .ending import OpenLoop as OpenLoop
-from .ending import OpenLoopInterval as OpenLoopInterval
-from .simulation import Pressure as Pressure
+from .open_loop import OpenLoop as OpenLoop
+from .open_loop import OpenLoopInterval as OpenLoopInterval
+from .pressure import Pressure as Pressure
 
 __all__: list[str]

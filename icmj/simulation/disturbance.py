@@ -5,38 +5,24 @@ only, and reads y + n; the plant does not feel n. All are sums of terms a·cos(�
 in a window [start, end). A constant has ω = 0; a term that ends when it starts is an impulse of area a, which only a
 controller's own signals have. Terms are functions of time alone, so what acts depends neither on the
 timestep nor on the integrator, and a linear simulation can integrate it exactly with one oscillator for each term.
-
-Sums of many sinusoids at many instants: evaluated at a few of each *stride* of time, interpolated from there.
-
-On a stride short beside none of them, sinusoids are polynomials of some forty Chebyshev nodes, to less than the
-rounding of their angles. At the nodes of all strides their sum is a product of matrices, cos(ω(t + u) + φ) being
-cos ωu cos(ωt + φ) − sin ωu sin(ωt + φ) about the middle t of a stride. The first is even in u and the second odd, and
-nodes lie in pairs ±u: each is worked out at half of the nodes.
-
-A tilt of the support surface as what it does: it turns gravity, accelerates every mass, and is read.
-
-The recorded states of the controller and exogenous inputs of a run, the same for both plants.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import pairwise
-from math import factorial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, since, steps_in
-from icmj.controller.controller import Controller, Law, has_trigger
+from icmj.controller.controller import Law, has_trigger
 from icmj.controller.setpoint import TERNARY_INTERVALS, ternary
 from icmj.errors import SimulationError
-from icmj.plant.linear_plant import LinearPlant, Push, Vector
-from icmj.series.interpolation import NEAR, snap
+from icmj.plant.linear_plant import LinearPlant, Push
+from icmj.series.interpolation import snap
 from icmj.simulation.settings import (
     Bias,
     Gaussian,
@@ -49,114 +35,7 @@ from icmj.simulation.settings import (
     Source,
     at_times,
 )
-
-ROUNDING = 1e-15  # of a sinusoid of one: less than the rounding of its angle
-_TURN = 8.0  # of the fastest sinusoid on either side of a stride's middle [rad]
-_AT_ONCE = 8192  # instants
-
-
-def nodes(count: int) -> np.ndarray:
-    """Chebyshev nodes on [−1, 1]."""
-    return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count))
-
-
-@lru_cache(maxsize=64)
-def coefficients(count: int) -> Array:
-    """Matrix from values at Chebyshev nodes to Chebyshev coefficients, shape (count, count)."""
-    to = 2 / count * chebvander(nodes(count), count - 1).T
-    to[0] /= 2
-    return to
-
-
-def enough(turn: float) -> int:
-    """Number of nodes that interpolate a sinusoid whose phase changes by this on either side of the middle [rad]."""
-    return next(n for n in range(1, 1000) if 2 * (turn / 2) ** n / factorial(n) <= ROUNDING)
-
-
-def on_parts(matrix: Array) -> Array:
-    """The same of the even and the odd part of values at half of their nodes, as ``matrix`` makes of the values."""
-    count = matrix.shape[1]
-    half = (count + 1) // 2
-    first, last = matrix[:, :half], matrix[:, ::-1][:, :half]
-    even = first + last
-    if count % 2:  # the node in the middle is its own partner
-        even[:, -1] /= 2
-    return np.hstack([even, first - last])
-
-
-class Waves:
-    """K sinusoids a cos(ωt + φ) in S signals, on strides that are counted from zero.
-
-    Attributes:
-        stride: its length [s].
-        count: of nodes.
-        half: of these that are not negative.
-    """
-
-    stride: float
-    count: int
-    half: int
-
-    def __init__(
-        self, signal: np.ndarray, amplitude: Array, omega: Array, phase: Array, signals: int, stride: float = 0
-    ):
-        """``signal`` says which signal each belongs to, rising; a ``stride`` of zero is chosen."""
-        fastest = float(omega.max(initial=0.0))
-        self.stride = stride or (2 * _TURN / fastest if fastest > 0 else 1.0)
-        self.count = enough(fastest * self.stride / 2)
-        self.half = (self.count + 1) // 2
-        self._omega, self._phase, self._signals = omega, phase, signals
-        angle = np.outer(nodes(self.count)[: self.half] * self.stride / 2, omega)
-        share = np.cos(angle) * amplitude, -np.sin(angle) * amplitude
-        parts = pairwise(np.searchsorted(signal, np.arange(signals + 1)))
-        self._parts = [slice(*part) for part in parts]
-        self._shares = [tuple(of[:, part].copy() for of in share) for part in self._parts]
-        longest = {part.stop - part.start for part in self._parts}
-        # of as many sinusoids in each, all signals are one product
-        self._alike = np.array(self._shares).swapaxes(0, 1) if len(longest) == 1 < signals else None
-        self._turns = self._room = np.ones((2, len(omega), 0))
-
-    def at_nodes(self, first: int, number: int, acting: np.ndarray | None = None, out: Array | None = None) -> Array:
-        """Even and odd part of the signals over so many strides, at half of the nodes; of those that are ``acting``.
-
-        Returns:
-            shape (2, half, S, number).
-        """
-        from icmj.simulation.native.waves import turn
-
-        if self._turns.shape[2] < number:
-            angle = np.outer(self._omega, np.arange(number) * self.stride)
-            self._turns, self._room = np.stack([np.cos(angle), np.sin(angle)]), np.empty((2, *angle.shape))
-        begin = self._omega * ((first + 0.5) * self.stride) + self._phase
-        real, imaginary = np.cos(begin), np.sin(begin)
-        if acting is not None and not acting.all():
-            real, imaginary = real * acting, imaginary * acting
-        turned = self._room.reshape(-1)[: 2 * len(begin) * number].reshape(2, -1, number)
-        turn(self._turns, real, imaginary, turned)
-        cos, sin = turned
-        values = np.empty((2, self.half, self._signals, number)) if out is None else out
-        if self._alike is not None:
-            for of, share, sinusoids in zip(values, self._alike, turned, strict=True):
-                np.matmul(share, sinusoids.reshape(self._signals, -1, number), out=of.swapaxes(0, 1))
-            return values
-        for signal, (part, (even, odd)) in enumerate(zip(self._parts, self._shares, strict=True)):
-            np.matmul(even, cos[part], out=values[0, :, signal])
-            np.matmul(odd, sin[part], out=values[1, :, signal])
-        return values
-
-    def __call__(self, t: Array) -> Array:
-        """The signals at rising instants ``t`` [s], shape (N, S)."""
-        found = np.empty((len(t), self._signals))
-        for begin in range(0, len(t), _AT_ONCE):
-            part = t[begin : begin + _AT_ONCE]
-            stride = np.floor(part / self.stride).astype(int)
-            first, number = int(stride[0]), int(stride[-1] - stride[0]) + 1
-            values = self.at_nodes(first, number).reshape(2 * self.half, self._signals, number)
-            series = np.tensordot(on_parts(coefficients(self.count)), values, 1).transpose(2, 0, 1)
-            values = chebvander(2 * (part / self.stride - stride) - 1, self.count - 1)
-            found[begin : begin + _AT_ONCE] = np.matmul(values[:, None, :], series[stride - first])[:, 0]
-        return found
-
+from icmj.simulation.sinusoids import Waves
 
 LOW_PASS_END = 20.0  # corner frequencies at which a low-pass spectrum is cut; 3 % of the power would lie beyond
 _FINE, _COARSE = 4000, 400  # instants: of one signal, and of each of many
@@ -447,43 +326,6 @@ NO_PUSHES = Pushes((), no_disturbance(0))
 _MOST_LINES = 20000
 
 
-def tilt_sources(
-    source: Source, vertical: Mapping[str, float], rate: Mapping[str, float], point: Vector | None = None
-) -> Iterator[Source]:
-    """The effects of a tilt φ(t) on a body in the frame of the surface, to first order.
-
-    Args:
-        source: φ(t) with its axis, a sum of sinusoids that acts from the beginning.
-        vertical, rate: shares of φ and of its rate that are added to the observer's readings of outputs, by name.
-        point: on the axis, in the world [m]; the origin if ``None``.
-
-    Raises:
-        SimulationError: if it is of another kind, whose angular acceleration is not finite.
-    """
-    if not isinstance(source, Noise | Sinusoids):
-        kind = type(source).__name__.lower()
-        raise SimulationError(f"a tilt of kind {kind!r} has no finite acceleration; give sines, ternary or noise")
-    terms = np.array([term[:5] for term in terms_of(source)])
-    if (terms[:, 3] > 0).any() or np.isfinite(terms[:, 4]).any():
-        raise SimulationError("a tilt that begins or ends at an instant has no finite acceleration; let it last")
-    angle = terms[:, :3]
-
-    def sinusoids(factor: Array | float, turned: float = 0.0, **where: object) -> Sinusoids:
-        of = angle.copy()
-        of[:, 0] *= factor
-        of[:, 2] += turned
-        return Sinusoids(terms=tuple(map(tuple, of.tolist())), **where)  # type: ignore[arg-type]
-
-    yield sinusoids(1.0, surface="gravity", axis=source.axis, on="body")
-    yield sinusoids(-(angle[:, 1] ** 2), surface="turning", axis=source.axis, point=point, on="body")
-    for output, share in vertical.items():
-        if share:
-            yield sinusoids(share, output=output)
-    for output, share in rate.items():
-        if share:
-            yield sinusoids(share * angle[:, 1], np.pi / 2, output=output)
-
-
 def ternary_lines(size: float, interval: float, highest: float) -> Array:
     """The lines of an integrated pseudo-random ternary sequence, without its mean.
 
@@ -512,46 +354,3 @@ def ternary_lines(size: float, interval: float, highest: float) -> Array:
     c = (turns @ slopes[:, 0]) / (period * omega**2)
     there = np.abs(c) > 1e-12 * np.abs(c).max(initial=0.0)
     return np.column_stack([2 * np.abs(c), omega, np.angle(c)])[there]
-
-
-@dataclass(frozen=True, eq=False)
-class ControllerRows:
-    """Rows of the controller's state as they are recorded.
-
-    Attributes:
-        x_o, x_h: observer and hold state, shape (N, n̂).
-        u: commands, shape (N, n_u).
-        E: event function, shape (N,); NaN where there is no event rule.
-    """
-
-    x_o: Array
-    x_h: Array
-    u: Array
-    E: Array
-
-
-def keep_rows(controller: Controller, x_o: Array, x_h: Array, e: Array | None = None) -> ControllerRows:
-    """Rows of observer, hold and, where it is known more exactly than as their difference, hold error e_hp."""
-    u, n = -x_h @ controller.model[0].k.T, controller.plant.n
-    return ControllerRows(x_o[:, :n], x_h[:, :n], u, controller.faces.E(x_h - x_o if e is None else e))
-
-
-def edges_of(acting: Acting, law: Law) -> Array:
-    """Instants at which a motion jumps or bends by what is given: rising, positive and finite [s].
-
-    There what acts, or a signal of the controller's own, begins, ends or jumps, or the controller reads that later, as
-    it reads the start of the run; and where what it then does is read in its turn, which bends its command once more.
-    """
-    real = law.realisation
-    given = np.unique(np.concatenate([acting.edges, real.signals[:, 4:].ravel()]))
-    given = np.append(0.0, given[np.isfinite(given) & (given > 0)])
-    for _ in range(2):
-        given = np.unique(np.concatenate([given, np.add.outer(given, real.taps).ravel()]))
-    return given[given > 0]
-
-
-def collect_drives(controller: Law, acting: Acting, t: Array) -> dict[str, Any]:
-    """Optional fields of a run at its rows: the set-point, pushes, and when what is given jumps."""
-    pushes, end, edges = acting.pushes, float(t[-1]), edges_of(acting, controller)
-    pushed = {"pushes": pushes.places, "pushed": pushes.size(snap(t, edges))} if len(pushes) else {}
-    return {"setpoint": controller.setpoint, "edges": edges[edges <= end + NEAR], **pushed}

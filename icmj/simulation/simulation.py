@@ -1,31 +1,23 @@
-"""The result of a simulation on either plant: rows over time, events, and how it ended.
+"""The result of a simulation on either plant: rows over time, events, how it ended, and notices about it.
 
 A *row* is a recorded instant; an *event* is an instant at which the controller takes new feedback.
-
-Names and units of the recorded signals, for export.
-
-The ground reaction on a body that stands on a floor: centre of pressure and load of each contact, over time.
-
-Notices about a run: limits that were reached, and a step that is too large.
-
-The moving body for display: its geoms and their poses over a run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, between, instants
+from icmj.base.array import Array, instants
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import amount, amounts, count
 from icmj.controller.controller import Controller
 from icmj.controller.setpoint import Setpoint
-from icmj.plant.linear_plant import LinearPlant, Push
+from icmj.plant.linear_plant import Push
 from icmj.plant.quality import Notice
 from icmj.series.even_rows import step_of
 from icmj.series.interpolation import NEAR, piecewise, snap
@@ -37,174 +29,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
-
-@dataclass(frozen=True)
-class Labels:
-    """Names of the columns of a run; empty where they are not known.
-
-    Attributes:
-        states, inputs, outputs: of the actual plant.
-        assumed: states of the controller's model, which observer and hold have.
-        state_units, input_units, output_units, assumed_units: of these; "" where a unit is not known.
-    """
-
-    states: tuple[str, ...] = ()
-    inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()
-    assumed: tuple[str, ...] = ()
-    state_units: tuple[str, ...] = ()
-    input_units: tuple[str, ...] = ()
-    output_units: tuple[str, ...] = ()
-    assumed_units: tuple[str, ...] = ()
-
-
-UNKNOWN = Labels()
-
-
-def labels_of(actual: LinearPlant, assumed: LinearPlant | None = None) -> Labels:
-    """The labels of a run of ``actual`` under a controller whose observer believes in ``assumed``, if it has one."""
-    return Labels(
-        actual.states,
-        actual.inputs,
-        actual.outputs,
-        assumed.states if assumed else (),
-        actual.state_units,
-        actual.input_units,
-        actual.output_units,
-        assumed.state_units if assumed else (),
-    )
-
-
-def loop_signals(actual: LinearPlant, assumed: LinearPlant, *segments: str) -> dict[str, list[str]]:
-    """Names of inputs, outputs and states of a closed loop for python-control.
-
-    Inputs are d_<input> and n_<output>, outputs <output> and u_<input>, states those of the plant, then for each
-    segment of the controller, such as x_o, x_o_<state>.
-    """
-    return {
-        "inputs": plain_names([*(f"d_{name}" for name in actual.inputs), *(f"n_{name}" for name in actual.outputs)]),
-        "outputs": plain_names([*actual.outputs, *(f"u_{name}" for name in actual.inputs)]),
-        "states": plain_names([*actual.states, *(f"{part}_{name}" for part in segments for name in assumed.states)]),
-    }
-
-
-def plain_names(names: Iterable[str]) -> list[str]:
-    """Names without points, which python-control reserves."""
-    return [name.replace(".", "_") for name in names]
-
-
-@dataclass(frozen=True, eq=False)
-class Block:
-    """Some columns of one kind: rows (N, w), and values right after the events (K, w), ``None`` where not known."""
-
-    kind: str
-    bare: tuple[str, ...]
-    units: tuple[str, ...]
-    values: Array
-    after: Array | None
-
-    def right_after(self, count: int) -> Array:
-        """Values right after the first events, NaN where not known."""
-        return np.full((count, len(self.bare)), np.nan) if self.after is None else self.after[:count]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the columns, each with the kind before it."""
-        return tuple(f"{self.kind}.{name}" if self.kind else name for name in self.bare)
-
-
-def columns(
-    kind: str, names: tuple[str, ...], units: tuple[str, ...], values: Array, after: Array | None = None
-) -> Block:
-    """The columns of ``values``, with numbers for names that are not known."""
-    width = values.shape[1]
-    names = names if len(names) == width else tuple(str(i) for i in range(width))
-    units = units if len(units) == width else ("",) * width
-    return Block(kind, names, units, values, after)
-
-
-_MOVES = 1e-9  # m: an axis along which the centre moves less is not shown
-
-
-@dataclass(frozen=True, eq=False)
-class Pressure:
-    """The ground reaction over time.
-
-    Attributes:
-        t: times of the rows [s], shape (N,).
-        centre: centre of pressure (x, y) in the world [m], shape (N, 2); NaN in flight.
-        at_rest: the same at the operating point, shape (2,).
-        geoms: names of the geoms in contact with the ground.
-        load: normal force on each of these geoms [N], shape (N, G).
-        load_at_rest: the same at the operating point, shape (G,).
-        t_after: times of the events [s], shape (K,); empty if the state after them is not known, as with a delay.
-        centre_after, load_after: the same right after each event, when the torque has jumped; shapes (K, 2), (K, G).
-    """
-
-    t: Array
-    centre: Array
-    at_rest: Array
-    geoms: tuple[str, ...]
-    load: Array
-    load_at_rest: Array
-    t_after: Array
-    centre_after: Array
-    load_after: Array
-
-    def since(self, t: float) -> Pressure:
-        """The rows and events from ``t`` on, to leave out the beginning."""
-        late, after = between(self.t, t), between(self.t_after, t)
-        return replace(
-            self,
-            t=self.t[late], centre=self.centre[late], load=self.load[late],
-            t_after=self.t_after[after], centre_after=self.centre_after[after], load_after=self.load_after[after],
-        )  # fmt: skip
-
-    @property
-    def lifted(self) -> tuple[str, ...]:
-        """The geoms that bear load at rest and none at some time."""
-        lifts = (self._borne <= 0).any(axis=0)
-        return tuple(np.array(self.geoms, dtype=object)[self.load_at_rest > 0][lifts])
-
-    @property
-    def unloading(self) -> float:
-        """The largest relative unloading: 0 at rest, 1 at lift-off; at small sway proportional to the threshold."""
-        share = self._borne / self.load_at_rest[self.load_at_rest > 0]
-        return float((1 - share[np.isfinite(share)]).max(initial=0.0))
-
-    @property
-    def axes(self) -> tuple[str, ...]:
-        """The axes, among x and y, along which the centre moves."""
-        with np.errstate(invalid="ignore"):
-            far = np.abs(np.concatenate([self.centre, self.centre_after]) - self.at_rest) > _MOVES
-        return tuple(name for i, name in enumerate("xy") if far[:, i].any())
-
-    @property
-    def facts(self) -> Mapping[str, float]:
-        """Its main numbers: the centre at rest, its extremes along each axis of its motion [m], and the unloading."""
-        found = {"unloading": self.unloading}
-        whole = np.concatenate([self.centre, self.centre_after])
-        for name in self.axes:
-            i = "xy".index(name)
-            values = whole[np.isfinite(whole[:, i]), i]
-            found |= {f"{name}_at_rest": float(self.at_rest[i]), f"{name}_least": float(values.min())}
-            found |= {f"{name}_most": float(values.max())}
-        return found
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """The same in words: the range of the centre, and the unloading."""
-        facts, said = self.facts, []
-        for axis in self.axes:
-            least, most, rest = (1e3 * facts[f"{axis}_{which}"] for which in ("least", "most", "at_rest"))
-            said.append(f"centre of pressure, {axis}: {least:.3g} to {most:.3g} mm, at rest {rest:.3g} mm")
-        lifts = "lifts for a moment" if self.lifted else f"is unloaded by {facts['unloading']:.2g} of its load at most"
-        return (*said, f"what stands on the ground ({', '.join(self.geoms)}) {lifts}")
-
-    @property
-    def _borne(self) -> Array:
-        """Load at rows and right after events on the geoms that bear load at rest."""
-        return np.concatenate([self.load, self.load_after])[:, self.load_at_rest > 0]
+from icmj.simulation.labels import UNKNOWN, Block, Labels, columns
+from icmj.simulation.pressure import Pressure
 
 
 @dataclass(frozen=True, eq=False)
@@ -600,55 +426,3 @@ def _remarks(simulation: Simulation) -> Iterator[Notice]:
             " shorten [simulation] timestep" + (', or take integrator = "RK4"' if facts["integrator"] != "RK4" else "")
         )
         yield Notice("large step", "warning", words)
-
-
-FRAME = 0.02  # s between two poses: a screen shows no more
-
-
-@dataclass(frozen=True, eq=False)
-class Geom:
-    """One visual geom: body index, MuJoCo's type name, size, pose in its body (quaternion wxyz), colour 0–1."""
-
-    name: str
-    body: int
-    type: str
-    size: Array
-    pos: Array
-    quat: Array
-    rgba: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """The moving body in world coordinates, for the 3D replay.
-
-    Attributes:
-        t: times of the poses [s], shape (N,).
-        bodies: names, length nb (body 0 is the world).
-        geoms: visual geoms.
-        xpos, xquat: body positions [m] and orientations (wxyz), shapes (N, nb, 3), (N, nb, 4).
-        com: whole-body centre of mass [m], shape (N, 3).
-        magnified_xpos, magnified_xquat, magnified_com: the same with the sway magnified.
-        magnification: the factor.
-        target, magnified_target: the skeleton of the posture that the set-point asks for, as line segments from body to
-            body [m], shape (N, M, 2, 3); ``None`` without a set-point.
-    """
-
-    t: Array
-    bodies: tuple[str, ...]
-    geoms: tuple[Geom, ...]
-    xpos: Array
-    xquat: Array
-    com: Array
-    magnified_xpos: Array
-    magnified_xquat: Array
-    magnified_com: Array
-    magnification: float
-    target: Array | None = None
-    magnified_target: Array | None = None
-
-
-def frames(t: Array) -> np.ndarray:
-    """Indices of the rows to show as frames, one in every :data:`FRAME` seconds, and the last."""
-    picked = np.unique(np.floor(t / FRAME + 1e-6), return_index=True)[1]
-    return np.union1d(picked, len(t) - 1)

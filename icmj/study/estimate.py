@@ -18,7 +18,7 @@ from icmj.base.numbers import lapse
 from icmj.case.case import Case, PlantKind, expect_measures
 from icmj.case.plants import linear_plant
 from icmj.controller.controller import has_trigger
-from icmj.controller.design import NO_DELAY
+from icmj.controller.delay import NO_DELAY
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.run import simulate as simulate_mujoco
 from icmj.engine.schedule import fastest_rate

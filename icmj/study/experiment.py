@@ -33,7 +33,7 @@ from icmj.base.files import whole, write_bytes, write_text
 from icmj.base.numbers import plain
 from icmj.base.parquet import read_parquet
 from icmj.case.case import Case, PlantKind, expect_rule, prepare, simulate
-from icmj.case.plants import digests
+from icmj.case.references import digests
 from icmj.controller.controller import continuous_limit
 from icmj.controller.trigger import ClockTrigger, Trigger
 from icmj.errors import DataError, IcmjError, RunFileError, StudyError

@@ -20,7 +20,7 @@ from icmj.base.files import whole, write_bytes, write_text
 from icmj.base.numbers import MISSING, plain, readable
 from icmj.base.numbers import count as many
 from icmj.base.numbers import number as number_of
-from icmj.case.result import in_unit
+from icmj.case.quantity import in_unit
 from icmj.errors import FitError
 from icmj.experiments.quiet_standing import YOUNG_PEOPLE
 from icmj.fitting.choice import AT_ONCE, ORIGIN, TRIED, Difference, say_probability

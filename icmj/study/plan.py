@@ -16,7 +16,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.blas_threads import ignore_warnings
-from icmj.case.plants import digests, references
+from icmj.case.references import digests, references
 from icmj.errors import RunFileError, SweepError
 from icmj.runfile.schema import RunFile
 from icmj.runfile.sweep_tables import SweepFile, VaryTable

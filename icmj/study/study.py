@@ -21,7 +21,8 @@ from icmj.work.workers import Task, Tell, Workers, processes
 if TYPE_CHECKING:
     from icmj.case.case import Case, PlantKind
     from icmj.case.comparison import Comparison
-    from icmj.case.result import Attractor, Result, SweepTable
+    from icmj.case.result import Attractor, Result
+    from icmj.case.sweep_table import SweepTable
     from icmj.cycle.branch import Branch
     from icmj.measurement.statistics import Statistics
     from icmj.report.wording import CaseRuns
@@ -195,7 +196,8 @@ def run_case(
     from icmj.case.result import Result
     from icmj.engine.pose import scene
     from icmj.measurement.measurement import measure
-    from icmj.simulation.simulation import frames, remarks
+    from icmj.simulation.scene import frames
+    from icmj.simulation.simulation import remarks
     from icmj.work.folder import provenance
 
     report: Callable[[float], None] = progress or (lambda _: None)

@@ -31,7 +31,8 @@ from icmj.base.files import regular
 from icmj.base.parquet import read_parquet
 from icmj.base.text import one_line
 from icmj.case.case import Case, PlantKind, expect_measures, measure_own, prepare, simulate
-from icmj.case.result import SweepTable, rule_unit
+from icmj.case.quantity import rule_unit
+from icmj.case.sweep_table import SweepTable
 from icmj.errors import IcmjError, SweepError
 from icmj.runfile.sweep_tables import Facts, SweepFile, load_sweep, parse_facts
 from icmj.study.chunk import TYPES, ChunkResult, columns, compute, meanings, parquet, report_death, schema

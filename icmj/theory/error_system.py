@@ -28,7 +28,9 @@ from scipy.linalg import expm, matrix_balance
 
 from icmj.base.array import Array, real
 from icmj.controller.controller import ERRORS, Controller, compose
-from icmj.controller.design import NO_DELAY, Delay, Design, Hold, predictor, system_matched
+from icmj.controller.delay import NO_DELAY, Delay, predictor
+from icmj.controller.design import Design
+from icmj.controller.hold import Hold, system_matched
 from icmj.controller.trigger import ClockTrigger
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, Match, match_ports, transformation

@@ -22,7 +22,7 @@ from scipy.linalg import expm
 from icmj.base.array import Array, falling, leading
 from icmj.base.bernstein import maxima
 from icmj.controller.controller import Controller, compose
-from icmj.controller.design import system_matched
+from icmj.controller.hold import system_matched
 from icmj.controller.trigger import EventRule, Faces
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant

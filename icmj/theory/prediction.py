@@ -20,7 +20,7 @@ from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import Fact, amount, eigenvalue, ordinal
 from icmj.controller.controller import Controller
-from icmj.controller.design import system_matched
+from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger, EventRule, expect_rule
 from icmj.errors import AnalysisError
 from icmj.theory.circle import Crossing, Kind

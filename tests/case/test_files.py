@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from icmj import load_experiment, load_run
-from icmj.case.plants import digests
+from icmj.case.references import digests
 from icmj.engine.safety import files_of
 from icmj.errors import ModelError, RunFileError
 from icmj.fitting.family import Family, Prior

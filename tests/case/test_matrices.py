@@ -9,7 +9,7 @@ import pytest
 from model_cases import two
 
 from icmj import load_plant, load_run, measure, parse_run, prepare, simulate
-from icmj.case.plants import read_matrices
+from icmj.case.matrices import read_matrices
 from icmj.cli.main import main
 from icmj.errors import IcmjError, RunFileError, SimulationError
 

@@ -8,7 +8,7 @@ import pytest
 from report_cases import result
 
 from icmj import load_run, measure, prepare, simulate
-from icmj.case import result as of
+from icmj.case import laid_orbit
 from icmj.case.comparison import compare, on_predicted_cycle, to_json, verdict_in_words
 
 
@@ -36,7 +36,7 @@ def test_errors_are_relative_to_the_prediction_and_the_largest_keeps_its_sign():
     assert compare(replace(found, measurement=measurement)).relative_error.largest_amplitude == pytest.approx(-0.01)
 
 
-@pytest.mark.parametrize("factor", [1 - 1.01 * of.INTERVAL_TOLERANCE, 1 + 1.01 * of.INTERVAL_TOLERANCE])
+@pytest.mark.parametrize("factor", [1 - 1.01 * laid_orbit.INTERVAL_TOLERANCE, 1 + 1.01 * laid_orbit.INTERVAL_TOLERANCE])
 def test_a_cycle_with_another_interval_is_not_the_predicted_one(factor):
     found = result("b0.8")
     other = replace(found.measurement, interval=found.prediction.delta_crit * factor)
@@ -92,13 +92,13 @@ def test_a_cycle_that_has_lost_its_symmetry_is_another():
     prediction, motion = _settled("simple-1.7", "linear", actual__gain=1.5315, simulation__duration=12000.0)
     assert (motion.kind, motion.p, motion.mirrored) == ("cycle", 2, False)
     assert prediction.verdict == "repelling"
-    assert np.abs(motion.intervals / prediction.delta_crit - 1).max() < of.INTERVAL_TOLERANCE
-    assert motion.asymmetry < of.MIRROR_TOLERANCE
+    assert np.abs(motion.intervals / prediction.delta_crit - 1).max() < laid_orbit.INTERVAL_TOLERANCE
+    assert motion.asymmetry < laid_orbit.MIRROR_TOLERANCE
     assert not on_predicted_cycle(prediction, motion)
 
 
 @pytest.mark.parametrize(
-    ("asymmetry", "near"), [(0.99 * of.MIRROR_TOLERANCE, True), (1.01 * of.MIRROR_TOLERANCE, False)]
+    ("asymmetry", "near"), [(0.99 * laid_orbit.MIRROR_TOLERANCE, True), (1.01 * laid_orbit.MIRROR_TOLERANCE, False)]
 )
 def test_how_far_a_cycle_may_be_from_its_mirror_image(asymmetry, near):
     found = result("b1.2")

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from icmj import Continuous, Controller, IcmjError, Settings, simulate_plant
 from icmj.controller.realisation import Realisation
-from icmj.linear.simulator import open_loop
+from icmj.linear.open_loop import open_loop
 
 DRIVE = np.array([0.3, -0.5])  # what the signal does to the rate of x_o
 SIZE, START, END, IMPULSE, LATER = 1e-3, 0.3, 0.9, 2e-3, 0.7

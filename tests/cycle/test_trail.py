@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from icmj.cycle.specials import Trail, interpolate
+from icmj.cycle.trail import Trail, interpolate
 
 STEP = 0.1
 

@@ -11,7 +11,8 @@ from engine_cases import MODELS, controller, design, plant
 from model_cases import RICH, pendulum, written
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import Design, design_lq, output_weight, system_matched
+from icmj.controller.design import Design, design_lq, output_weight
+from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.engine.block import Slot, block_of

@@ -9,7 +9,8 @@ from mujoco.introspect.structs import STRUCTS
 from icmj import Deviation, load_plant
 from icmj.engine.deviation import ANCHOR
 from icmj.engine.model import load_model
-from icmj.plant.body import Change, Person
+from icmj.plant.body import Change
+from icmj.plant.person import Person
 
 # a body of segments with whatever the compiler derives: springs and dampers of joints, rest and range of a rope, peak
 # forces, damping ratios, inherited ranges, a weld and connections

@@ -9,7 +9,8 @@ from model_cases import MOTOR, pendulum, written
 
 from icmj.case.case import prepare
 from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq, output_weight, system_matched
+from icmj.controller.design import design_lq, output_weight
+from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.engine.deviation import Deviation
 from icmj.engine.linearisation import linearise

@@ -11,7 +11,8 @@ from oracles.engine import flight
 from tapped_cases import DAMPING, INERTIA, MGH, PERSON, STIFFNESS
 
 import icmj
-from icmj.controller.design import design_lq, output_weight, system_matched
+from icmj.controller.design import design_lq, output_weight
+from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.switching import SwitchingPD
 from icmj.controller.trigger import Continuous

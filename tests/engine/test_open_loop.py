@@ -10,8 +10,8 @@ from icmj import ClockTrigger, Continuous, Delay, Impulse, Settings, Step
 from icmj.engine.open_loop import OpenLoops
 from icmj.engine.open_loop import open_loop as engine_open_loop
 from icmj.engine.run import simulate as simulate_engine
+from icmj.linear.open_loop import open_loop as linear_open_loop
 from icmj.linear.run import simulate as simulate_linear
-from icmj.linear.simulator import open_loop as linear_open_loop
 
 SETTINGS = Settings(duration=6.0, timestep=2e-3)
 PUSH = (Impulse("ankle_torque", 0.5, start=1.5003, duration=0.05), Step("hip_torque", 0.2, start=2.2))

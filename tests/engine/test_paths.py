@@ -9,16 +9,18 @@ import pytest
 import icmj
 from icmj.case.case import revise
 from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, design_lq, output_weight, system_matched
+from icmj.controller.delay import Delay
+from icmj.controller.design import design_lq, output_weight
+from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.trigger import ClockTrigger, Trigger
 from icmj.engine.deviation import Deviation
 from icmj.engine.open_loop import open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.run import simulate
+from icmj.linear.open_loop import open_loop as open_loop_linear
 from icmj.linear.run import simulate as simulate_linear
-from icmj.linear.simulator import open_loop as open_loop_linear
-from icmj.simulation.ending import OpenLoopInterval
+from icmj.simulation.open_loop import OpenLoopInterval
 from icmj.simulation.settings import Settings
 
 CHAINS = 240

@@ -9,7 +9,8 @@ from model_cases import BIASED, MOTOR, MUSCLE, SERVO, pendulum, two, written
 
 from icmj.cli.main import main
 from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq, output_weight, system_matched
+from icmj.controller.design import design_lq, output_weight
+from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.engine.deviation import Deviation
 from icmj.engine.plant import load_plant

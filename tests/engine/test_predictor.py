@@ -6,7 +6,9 @@ from tapped_cases import person
 
 import icmj
 from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, design_lq, output_weight, system_matched
+from icmj.controller.delay import Delay
+from icmj.controller.design import design_lq, output_weight
+from icmj.controller.hold import system_matched
 from icmj.controller.predictor import PredictorController
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import Target, setpoint, step

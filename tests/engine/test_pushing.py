@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 import icmj
 from icmj.case.case import prepare, simulate_plant
 from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq, system_matched
+from icmj.controller.design import design_lq
+from icmj.controller.hold import system_matched
 from icmj.controller.trigger import Continuous
 from icmj.cycle.return_map import ReturnMap, course, derivative, jacobian
 from icmj.engine.block import block_of

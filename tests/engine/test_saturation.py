@@ -7,7 +7,8 @@ import pytest
 from model_cases import MOTOR, pendulum, written
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import design_lq, output_weight, system_matched
+from icmj.controller.design import design_lq, output_weight
+from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.engine.deviation import Deviation
 from icmj.engine.plant import load_plant

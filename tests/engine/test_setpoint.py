@@ -8,7 +8,7 @@ import pytest
 
 from icmj import ClockTrigger, Continuous, Delay, Settings, Target, load_run, prepare, setpoint
 from icmj.case.case import simulate as run_one
-from icmj.controller.design import NO_DELAY
+from icmj.controller.delay import NO_DELAY
 from icmj.controller.setpoint import pulse, ramp, sines, step, ternary
 from icmj.engine.run import simulate
 from icmj.linear.run import simulate as simulate_linear

@@ -11,7 +11,9 @@ from model_cases import MOTOR, RICH, pendulum, written
 from oracles.engine import course, equations, flight
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, design_lq, output_weight, system_matched
+from icmj.controller.delay import Delay
+from icmj.controller.design import design_lq, output_weight
+from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.trigger import ClockTrigger, Continuous, Trigger
 from icmj.engine.closed_loop import close_loop

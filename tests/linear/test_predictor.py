@@ -9,7 +9,9 @@ from oracles.delay import Delayed
 from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, output_weight, system_matched
+from icmj.controller.delay import Delay
+from icmj.controller.design import output_weight
+from icmj.controller.hold import system_matched
 from icmj.controller.predictor import PredictorController
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step

@@ -21,7 +21,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import Design, design_lq, system_matched
+from icmj.controller.design import Design, design_lq
+from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger, as_weight
 from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.errors import SimulationError

@@ -9,13 +9,15 @@ from oracles.setpoint import follow
 from scipy.linalg import expm
 
 from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, Hold, design_lq, output_weight, system_matched, zero_order
+from icmj.controller.delay import Delay
+from icmj.controller.design import design_lq, output_weight
+from icmj.controller.hold import Hold, system_matched, zero_order
 from icmj.controller.rules.box import BoxTrigger
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
 from icmj.controller.trigger import ClockTrigger, Continuous
+from icmj.linear.open_loop import open_loop
 from icmj.linear.run import simulate
-from icmj.linear.simulator import open_loop
 from icmj.plant.linear_plant import LinearPlant
 
 

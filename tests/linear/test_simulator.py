@@ -14,8 +14,9 @@ from patience import PATIENCE
 import icmj
 from icmj import Bias, BoxTrigger, ClockTrigger, Controller, Delay, Impulse, Noise, Step, system_matched, zero_order
 from icmj.linear.native.pieces import compile_pieces
+from icmj.linear.open_loop import open_loop
 from icmj.linear.run import simulate
-from icmj.linear.simulator import Simulator, open_loop
+from icmj.linear.simulator import Simulator
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
 
 PUSHED = (

@@ -9,7 +9,7 @@ from log_cases import assert_same, awkward, made_up, standing
 
 from icmj.errors import LogError
 from icmj.log.archive import digest, pack, unpack
-from icmj.simulation.simulation import Pressure
+from icmj.simulation.pressure import Pressure
 from icmj.theory.reduction import OrbitFamily
 
 

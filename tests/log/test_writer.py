@@ -20,7 +20,8 @@ from icmj.engine.run import simulate
 from icmj.errors import LogError
 from icmj.log.figure import eye
 from icmj.log.reader import read_log, read_summary
-from icmj.simulation.simulation import FRAME, Events, Geom
+from icmj.simulation.scene import FRAME, Geom
+from icmj.simulation.simulation import Events
 
 
 @pytest.fixture(scope="module")

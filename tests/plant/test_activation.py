@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 import icmj
 from icmj.errors import AnalysisError, ModelError
-from icmj.plant.body import Activation
+from icmj.plant.activation import Activation
 from icmj.plant.linear_plant import LinearPlant
 
 INTEGRATOR = LinearPlant([[0.0]], [[1.0]], [[1.0]], ("x",), ("u",), input_units=("N m",))

@@ -7,7 +7,8 @@ import pytest
 from model_cases import two
 
 from icmj import Controller, Impulse, Settings, error_system, load_plant, predict, simulate_plant
-from icmj.controller.design import design_lq, output_weight, system_matched
+from icmj.controller.design import design_lq, output_weight
+from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.errors import AnalysisError
 from icmj.experiments.attraction import attractors

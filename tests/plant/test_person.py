@@ -7,7 +7,7 @@ from icmj import load_plant, parse_run
 from icmj.engine.linearisation import linearise
 from icmj.engine.model import load_spec
 from icmj.errors import ModelError
-from icmj.plant.body import Person, Segment
+from icmj.plant.person import Person, Segment
 
 RUN = """
 case = { name = "person", title = "A person" }

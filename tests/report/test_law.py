@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from report_cases import result
 
-from icmj.case.result import AmplitudeLaw, threshold_unit
+from icmj.case.quantity import threshold_unit
+from icmj.case.result import AmplitudeLaw
 from icmj.controller.rules.box import BoxTrigger
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.report import style

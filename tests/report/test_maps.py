@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from icmj import build_report, plots
-from icmj.case.result import SweepTable
+from icmj.case.sweep_table import SweepTable
 from icmj.errors import ReportError
 from icmj.report.maps import edges, grid, motions, pictures, regions
 

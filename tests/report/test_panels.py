@@ -10,14 +10,14 @@ from report_cases import CASES, result, run_text
 from scipy.linalg import expm
 
 from icmj import parse_run
+from icmj.case.motion import latter_part, reduce_state
 from icmj.case.noise import spread_about
-from icmj.case.result import latter_part, reduce_state
 from icmj.linear.run import simulate
 from icmj.report import panels, style
 from icmj.report.figures import shown_locus
 from icmj.report.panels import Panel
 from icmj.report.wording import CaseRuns, pair
-from icmj.simulation.simulation import Pressure
+from icmj.simulation.pressure import Pressure
 
 DEG = np.rad2deg(1)
 PANELS = {panel.letter: panel for panel in panels.PANELS}

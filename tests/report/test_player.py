@@ -15,7 +15,7 @@ from report_browser import CHROMIUM, chromium
 from icmj import build_report, parse_run, read_log, write_log
 from icmj.log.figure import read_scene
 from icmj.report.drawing import moving, script
-from icmj.simulation.simulation import Scene
+from icmj.simulation.scene import Scene
 
 SEEN = '"\'><img src=x onerror="window.hit=1"><script>window.hit=1</script><!--</script>&amp;\x1b[31m$x_{$'
 PLAIN = SEEN.replace("\x1b[31m", "")

@@ -10,7 +10,7 @@ from report_cases import result, swaying
 
 import icmj
 from icmj import Delay, Noise, statistics
-from icmj.case.result import output_rate
+from icmj.case.motion import output_rate
 from icmj.errors import ReportError
 from icmj.linear.run import simulate
 from icmj.report import style

@@ -9,7 +9,9 @@ from report_cases import design_of, result
 from icmj.case.case import prepare, simulate_plant
 from icmj.case.case import simulate as simulate_case
 from icmj.controller.controller import Controller
-from icmj.controller.design import Delay, output_weight, system_matched
+from icmj.controller.delay import Delay
+from icmj.controller.design import output_weight
+from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import Target, step
 from icmj.controller.setpoint import setpoint as setpoint_of

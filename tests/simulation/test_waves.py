@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from icmj.simulation.disturbance import Waves, disturbance_of
+from icmj.simulation.disturbance import disturbance_of
 from icmj.simulation.settings import Impulse, Noise
+from icmj.simulation.sinusoids import Waves
 
 
 @pytest.mark.parametrize("stride", [0.0, 1e-3, 0.2])

@@ -16,7 +16,7 @@ from patience import PATIENCE
 from sweep_cases import GRID, THRESHOLDS, computed, contents, sweep_file
 
 import icmj
-from icmj.case.result import SweepTable
+from icmj.case.sweep_table import SweepTable
 from icmj.errors import SweepError
 from icmj.report.maps import label
 from icmj.runfile.sweep_tables import load_sweep

@@ -9,7 +9,7 @@ from catalogue import check_orbits
 from theory_cases import pendulum, started_beside
 
 from icmj import EventTrigger, LinearPlant, Prediction, design_lq, measure, predict
-from icmj.case.result import beside, settled_on
+from icmj.case.laid_orbit import beside, settled_on
 from icmj.errors import DesignError
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.prediction import scaled

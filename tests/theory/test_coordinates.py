@@ -5,7 +5,9 @@ import pytest
 from theory_cases import neglected, pendulum, pendulum_design, random_systems, three_link, three_link_design
 
 from icmj import EventTrigger, LinearPlant, error_system, predict
-from icmj.controller.design import Delay, Design, system_matched, zero_order
+from icmj.controller.delay import Delay
+from icmj.controller.design import Design
+from icmj.controller.hold import system_matched, zero_order
 
 CASES = {
     "b=0.8": (pendulum(0.8), pendulum_design()),

@@ -9,7 +9,8 @@ from scipy.optimize import brentq, minimize_scalar
 from theory_cases import SHIPPED, dip, pair_of_holds, random_systems, shipped, step, visiting
 
 from icmj import Delay, EventTrigger, LinearPlant, error_system, predict
-from icmj.controller.design import design_lq, system_matched, zero_order
+from icmj.controller.design import design_lq
+from icmj.controller.hold import system_matched, zero_order
 from icmj.errors import AnalysisError, DesignError
 from icmj.theory import crossings as search_module
 from icmj.theory.circle import outside

@@ -18,7 +18,7 @@ from theory_cases import (
 )
 
 from icmj import Controller, Delay, Design, EventTrigger, LinearPlant, Settings, predict, system_matched, zero_order
-from icmj.controller.design import NO_DELAY
+from icmj.controller.delay import NO_DELAY
 from icmj.linear.run import simulate
 from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system

@@ -24,7 +24,7 @@ from icmj import (
     predict,
     prepare,
 )
-from icmj.controller.design import system_matched
+from icmj.controller.hold import system_matched
 from icmj.errors import AnalysisError, IcmjError
 from icmj.linear.run import simulate
 from icmj.theory import SmallNoise, predict_spread

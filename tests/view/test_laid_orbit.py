@@ -7,7 +7,9 @@ import pytest
 from report_cases import result
 
 from icmj import Settings, error_system
-from icmj.case.result import Result, event_rows, lay_orbit, output_rate, reduce_state
+from icmj.case.laid_orbit import lay_orbit
+from icmj.case.motion import event_rows, output_rate, reduce_state
+from icmj.case.result import Result
 from icmj.linear.run import simulate
 from icmj.log.writer import groups
 from icmj.report.panels import PANELS

@@ -7,7 +7,7 @@ import pytest
 from report_cases import result
 from scipy.linalg import expm
 
-from icmj.case.result import curve, modes, output_rate, reduce_state
+from icmj.case.motion import curve, modes, output_rate, reduce_state
 from icmj.linear.run import simulate
 from icmj.theory.error_system import error_system
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from icmj.case.result import in_brackets, in_unit, quantities, shared_unit
+from icmj.case.quantity import in_brackets, in_unit, quantities, shared_unit
 from icmj.plant.linear_plant import LinearPlant
 
 

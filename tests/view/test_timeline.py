@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from report_cases import result
 
-from icmj.case.result import event_rows, latter_part, running_interval, with_resets
+from icmj.case.motion import event_rows, latter_part, running_interval, with_resets
 
 
 @pytest.mark.parametrize("name", ["b0.8", "three-link", "exact"])

@@ -1,0 +1,96 @@
+"""Names and units of the recorded signals, for export, and columns under these names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.base.array import Array
+from icmj.plant.linear_plant import LinearPlant
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Names of the columns of a run; empty where they are not known.
+
+    Attributes:
+        states, inputs, outputs: of the actual plant.
+        assumed: states of the controller's model, which observer and hold have.
+        state_units, input_units, output_units, assumed_units: of these; "" where a unit is not known.
+    """
+
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
+    state_units: tuple[str, ...] = ()
+    input_units: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
+    assumed_units: tuple[str, ...] = ()
+
+
+UNKNOWN = Labels()
+
+
+def labels_of(actual: LinearPlant, assumed: LinearPlant | None = None) -> Labels:
+    """The labels of a run of ``actual`` under a controller whose observer believes in ``assumed``, if it has one."""
+    return Labels(
+        actual.states,
+        actual.inputs,
+        actual.outputs,
+        assumed.states if assumed else (),
+        actual.state_units,
+        actual.input_units,
+        actual.output_units,
+        assumed.state_units if assumed else (),
+    )
+
+
+def loop_signals(actual: LinearPlant, assumed: LinearPlant, *segments: str) -> dict[str, list[str]]:
+    """Names of inputs, outputs and states of a closed loop for python-control.
+
+    Inputs are d_<input> and n_<output>, outputs <output> and u_<input>, states those of the plant, then for each
+    segment of the controller, such as x_o, x_o_<state>.
+    """
+    return {
+        "inputs": plain_names([*(f"d_{name}" for name in actual.inputs), *(f"n_{name}" for name in actual.outputs)]),
+        "outputs": plain_names([*actual.outputs, *(f"u_{name}" for name in actual.inputs)]),
+        "states": plain_names([*actual.states, *(f"{part}_{name}" for part in segments for name in assumed.states)]),
+    }
+
+
+def plain_names(names: Iterable[str]) -> list[str]:
+    """Names without points, which python-control reserves."""
+    return [name.replace(".", "_") for name in names]
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Some columns of one kind: rows (N, w), and values right after the events (K, w), ``None`` where not known."""
+
+    kind: str
+    bare: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    after: Array | None
+
+    def right_after(self, count: int) -> Array:
+        """Values right after the first events, NaN where not known."""
+        return np.full((count, len(self.bare)), np.nan) if self.after is None else self.after[:count]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns, each with the kind before it."""
+        return tuple(f"{self.kind}.{name}" if self.kind else name for name in self.bare)
+
+
+def columns(
+    kind: str, names: tuple[str, ...], units: tuple[str, ...], values: Array, after: Array | None = None
+) -> Block:
+    """The columns of ``values``, with numbers for names that are not known."""
+    width = values.shape[1]
+    names = names if len(names) == width else tuple(str(i) for i in range(width))
+    units = units if len(units) == width else ("",) * width
+    return Block(kind, names, units, values, after)
