@@ -8,15 +8,18 @@ whose x̄ there is nearer to the run's. As t = 0 is an event, there always is a 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from icmj.base.array import Array
 from icmj.case.motion import output_rate, reduce_state
-from icmj.case.result import PredictedResult
 from icmj.measurement.measurement import Measurement
 from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import PredictedOrbit, Prediction
+
+if TYPE_CHECKING:
+    from icmj.case.result import PredictedResult
 
 INTERVAL_TOLERANCE = 0.05
 """Largest relative departure of an open-loop interval from Δ_crit at which a cycle still counts as the predicted
