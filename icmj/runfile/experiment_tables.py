@@ -272,16 +272,16 @@ class ExperimentFile(FileOfRuns):
     """Name, plants and repetitions."""
     case: Annotated[list[CaseTable], Field(min_length=1, max_length=50)]
     """Cases that are compared."""
-    intersection_point: IntersectionPointTable | None = None
-    """Intersection point of ground reaction forces."""
-    multisine: MultisineTable | None = None
-    """Multi-sine: frequency response and remnant."""
     quiet_standing: QuietStandingTable | None = None
     """Quiet standing: measures of sway, and distributions of position and intervals."""
     perturbed_stance: PerturbedStanceTable | None = None
     """Perturbed stance: response to a pseudo-random tilt of the support surface."""
+    multisine: MultisineTable | None = None
+    """Multi-sine: frequency response and remnant."""
     double_step: DoubleStepTable | None = None
     """Double steps: reaction times and refractory duration."""
+    intersection_point: IntersectionPointTable | None = None
+    """Intersection point of ground reaction forces."""
 
     _runs: tuple[RunFile, ...] = PrivateAttr(default=())
 
