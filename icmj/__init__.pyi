@@ -70,7 +70,6 @@ from .plant.person import Person as Person
 from .report import plots as plots
 from .report.builder import build_report as build_report
 from .report.live import build_live as build_live
-from .runfile.experiment_tables import load_experiment as load_experiment
 from .runfile.reading import compose_run as compose_run
 from .runfile.reading import load_run as load_run
 from .runfile.reading import parse_run as parse_run
@@ -89,6 +88,7 @@ from .simulation.settings import Step as Step
 from .simulation.simulation import Simulation as Simulation
 from .study.experiment import analyse_recordings as analyse_recordings
 from .study.experiment import run_experiment as run_experiment
+from .study.experiment_file import load_experiment as load_experiment
 from .study.fit import fit as fit
 from .study.study import run_case as run_case
 from .study.study import run_study as run_study

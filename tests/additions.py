@@ -46,7 +46,7 @@ READ_REST = """
 import sys, icmj
 from icmj.cli.main import main
 from icmj.errors import IcmjError
-from icmj.runfile.sweep_tables import json_schema
+from icmj.study.file_kinds import json_schema
 from icmj.work.own_code import RUNS
 gone = sys.argv[1]
 json_schema("run")
@@ -118,7 +118,7 @@ DISTURBANCE, SETPOINT = TriangleTable, TriangleSetpoint
     """
 import json, icmj
 import numpy as np
-from icmj.runfile.sweep_tables import json_schema
+from icmj.study.file_kinds import json_schema
 run = icmj.load_run("simple-0.8").with_(**{
     "simulation.duration": 1.0, "simulation.disturbance": [{"kind": "triangle", "input": "torque", "size": 0.3}],
     "setpoint": [{"kind": "triangle", "output": "angle", "size": 0.2, "width": 0.4, "start": 0.1}]})
@@ -225,7 +225,7 @@ RULE = Band
 import icmj, numpy as np
 from pathlib import Path
 from icmj.log.archive import pack, unpack
-from icmj.runfile.sweep_tables import json_schema
+from icmj.study.file_kinds import json_schema
 run = icmj.load_run("simple-0.8").with_(**{
     "simulation.duration": 10.0, "controller.Q_t": None, "controller.q_t": None,
     "controller.rule": "band", "controller.width": 0.01, "controller.delta_min": 0.02})
@@ -264,7 +264,7 @@ for changes, words in (
 import sys, icmj
 from icmj.errors import IcmjError
 from icmj.controller.rules import RULES
-from icmj.runfile.sweep_tables import json_schema
+from icmj.study.file_kinds import json_schema
 from icmj.work.own_code import RUNS
 gone = sys.argv[1]
 keys = {"quadratic": {"q_t": 0.01}, "box": {"threshold": 0.01}}
@@ -361,7 +361,7 @@ TABLES, LAWS = (SpringTable,), (Spring,)
     """
 import icmj, numpy as np
 from icmj.log.archive import pack, unpack
-from icmj.runfile.sweep_tables import json_schema
+from icmj.study.file_kinds import json_schema
 controller = {"kind": "spring", "output": "angle", "stiffness": 3.0}
 run = icmj.load_run("simple-0.8").with_(controller=controller, **{
     "assumed.delay": 0.1, "simulation.duration": 1.0, "simulation.timestep": None})

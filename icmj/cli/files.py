@@ -31,11 +31,12 @@ from icmj.errors import FitError, IcmjError, RunFileError, StudyError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from icmj.case.drafting import FirstRunFile, Kind
+    from icmj.case.drafting import FirstRunFile
     from icmj.measurement.sway import Sway
-    from icmj.runfile.experiment_tables import ExperimentFile
     from icmj.series.series import Series
     from icmj.study.experiment import Experiment as Done
+    from icmj.study.experiment_file import ExperimentFile
+    from icmj.study.first_file import Kind
     from icmj.study.fit import Fit as DoneFit
     from icmj.study.fit import Subject
 
@@ -128,10 +129,11 @@ def _new_file(kind: Kind, given: Path | None, command: NewCommand) -> None:
     """A sweep, experiment or family file with every key, for a run file."""
     from icmj.base.files import write_text
     from icmj.case.case import prepare
-    from icmj.case.drafting import RUN_OF, Names, case_name, draft_file
-    from icmj.runfile.experiment_tables import ExperimentFile
+    from icmj.case.drafting import case_name
     from icmj.runfile.reading import load_run, parse_toml
     from icmj.runfile.sweep_tables import FamilyFile, SweepFile
+    from icmj.study.experiment_file import ExperimentFile
+    from icmj.study.first_file import RUN_OF, Names, draft_file
 
     out = command.out or Path(f"{kind}.toml")
     _free(out)
@@ -207,7 +209,7 @@ def _new_table(recordings: tuple[Path, ...], out: Path) -> None:
 def schema(command: SchemaCommand) -> None:
     """Print the JSON Schema of a kind of file, or write it."""
     from icmj.base.files import replaceable, write_text
-    from icmj.runfile.sweep_tables import json_schema
+    from icmj.study.file_kinds import json_schema
 
     record = json_schema(command.kind)
     if command.out is None:
@@ -390,9 +392,9 @@ def _signals(path: Path, command: arguments.MeasureCommand) -> tuple[Series, tup
 
 def experiment(command: ExperimentCommand) -> None:
     """Carry out an experiment, or analyse recordings as it says; what was finished stays, however it ends."""
-    from icmj.runfile.experiment_tables import load_experiment
     from icmj.study.estimate import LONGEST
     from icmj.study.experiment import FIGURE, PAGE, RESULTS, analyse_recordings, run_experiment, summary
+    from icmj.study.experiment_file import load_experiment
 
     if command.jobs is not None and command.jobs < 1:
         raise StudyError(f"--jobs {command.jobs}: expected at least 1")

@@ -6,7 +6,7 @@ What the folder of a sweep says that it is of (``sweep.json``), as far as it is 
 
 The family file: a run file whose numbers are unknown, what is known of each before, and where it comes from.
 
-The JSON Schema of run files and the other files of icmj, with which editors complete and check them.
+The JSON Schema of a kind of file, with which editors complete and check them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ from icmj.base.array import MOST_ENTRIES, Array, Finite, Positive, Seed
 from icmj.base.text import attribute_docstrings
 from icmj.errors import RunFileError
 from icmj.plant.body import What
-from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import Line, Name, TomlTable, read_meanings
@@ -460,20 +459,13 @@ def load_family_file(path: Path | str, *, allow_code: bool = False) -> FamilyFil
 
 SCHEMA_VERSION = 2
 """Rises with every change after which a file that was valid is not any more, or means something else."""
-KINDS: dict[str, tuple[type[BaseModel], str]] = {
-    "run": (RunFile, "icmj run file"),
-    "sweep": (SweepFile, "icmj sweep file"),
-    "experiment": (ExperimentFile, "icmj experiment file"),
-    "family": (FamilyFile, "icmj family file"),
-}
 
 
-def json_schema(kind: Literal["run", "sweep", "experiment", "family"]) -> dict[str, Any]:
+def json_schema(model: type[BaseModel], kind: str, title: str) -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of a kind of file: every table and key with its meaning, bounds and default.
 
     What only the whole file shows, such as whether a joint has that name, is checked when the file is read.
     """
-    model, title = KINDS[kind]
     record = model.model_json_schema()
     _describe(record, model)
     for known in _tables(model):

@@ -41,7 +41,6 @@ from icmj.experiments.many import LAST
 from icmj.experiments.quiet_standing import Recording
 from icmj.report import style
 from icmj.report.experiment import Row, experiment_page
-from icmj.runfile.experiment_tables import CaseTable, ExperimentFile, load_experiment
 from icmj.runfile.schema import RunFile
 from icmj.series.even_rows import expect_rate
 from icmj.series.plausibility import doubt
@@ -50,6 +49,7 @@ from icmj.series.series import SETTLED, Series
 from icmj.series.writing import find_writers
 from icmj.simulation.settings import reseed
 from icmj.study.estimate import refuse_trials
+from icmj.study.experiment_file import CaseTable, ExperimentFile, load_experiment
 from icmj.study.kind import CaseResult, DoubleStepKind, Experiment, Kind, QuietStandingKind
 from icmj.study.stance import IntersectionPointKind, MultisineKind, PerturbedStanceKind
 from icmj.work.folder import Description, Folder, digest_of, fingerprint_of, provenance, resume

@@ -2,7 +2,7 @@
 
 The frame (:mod:`icmj.study.experiment`) does the rest. A new kind has:
 
-1. a table, a field of :class:`icmj.runfile.experiment_tables.ExperimentFile` whose name is that of the kind;
+1. a table, a field of :class:`icmj.study.experiment_file.ExperimentFile` whose name is that of the kind;
 2. an analysis of :class:`icmj.experiments.quiet_standing.Recording` in ``icmj/experiments/``, which returns a
    :class:`icmj.experiments.quiet_standing.Finding`;
 3. a figure in :mod:`icmj.report.findings`, and in :mod:`icmj.report.experiment` a caption and its methods in words;
@@ -36,11 +36,11 @@ from icmj.errors import DataError, IcmjError
 from icmj.experiments.quiet_standing import Finding, Recording, Standing, keep_complete, quiet_standing, sway_numbers
 from icmj.experiments.reconstruction import EARLIEST, Reconstruction, reconstruct_steps
 from icmj.experiments.refractoriness import DIRECTIONS, Explanation, Reactions, Refractoriness, analyse_reactions
-from icmj.runfile.experiment_tables import DoubleStepTable, ExperimentFile, QuietStandingTable
 from icmj.runfile.schema import RunFile
 from icmj.series.even_rows import even_series, row_step
 from icmj.series.series import EVEN, SETTLED, Series
 from icmj.simulation.simulation import Simulation
+from icmj.study.experiment_file import DoubleStepTable, ExperimentFile, QuietStandingTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

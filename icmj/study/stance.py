@@ -38,7 +38,6 @@ from icmj.experiments.quiet_standing import (
     intersection_point,
     keep_complete,
 )
-from icmj.runfile.experiment_tables import IntersectionPointTable, MultisineTable, PerturbedStanceTable
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import TomlTable
 from icmj.series.even_rows import even_series
@@ -47,6 +46,7 @@ from icmj.series.units import in_si
 from icmj.simulation.disturbance import LOW_PASS_END, ternary_lines
 from icmj.simulation.settings import Gaussian, Noise, Sinusoids, Source
 from icmj.simulation.simulation import Simulation
+from icmj.study.experiment_file import IntersectionPointTable, MultisineTable, PerturbedStanceTable
 from icmj.study.kind import HALF, CaseResult, Kind, cut_recording, sample_rows, say_first, set_duration
 
 if TYPE_CHECKING:

@@ -17,12 +17,12 @@ from icmj.controller import Channel
 from icmj.cycle.curve import ReturnMaps, parameter
 from icmj.errors import CycleError, IcmjError, RunFileError
 from icmj.experiments import attractors, measure_growth, measure_law, rounds
-from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.schema import RunFile, overridden
 from icmj.runfile.sweep_tables import SweepFile
 from icmj.simulation.settings import reseed
 from icmj.study.chunk import compute
 from icmj.study.experiment import Condition, trial
+from icmj.study.experiment_file import ExperimentFile
 from icmj.study.kind import DoubleStepKind, QuietStandingKind
 from icmj.study.plan import Plan
 from icmj.study.sweep import try_plan

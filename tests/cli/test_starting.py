@@ -9,15 +9,15 @@ import pytest
 from terminal_cases import told
 
 from icmj import load_family, load_run, prepare, read_sweep
-from icmj.case.drafting import table_of
 from icmj.cli import files
 from icmj.cli.arguments import FitCommand
 from icmj.cli.files import people_of
 from icmj.cli.main import main
 from icmj.cli.terminal import Terminal
 from icmj.fitting.bank import simulate_bank
-from icmj.runfile.experiment_tables import ExperimentFile, load_experiment
 from icmj.runfile.sweep_tables import FamilyFile, SweepFile, docstrings, load_family_file, load_sweep
+from icmj.study.experiment_file import ExperimentFile, load_experiment
+from icmj.study.first_file import table_of
 from icmj.work.own_code import EXPERIMENTS, FAMILIES, RUNS, SWEEPS
 
 

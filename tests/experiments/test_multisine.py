@@ -5,8 +5,8 @@ import pytest
 
 import icmj
 from icmj.errors import DataError, RunFileError
-from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.reading import parse_toml
+from icmj.study.experiment_file import ExperimentFile
 
 LINES = (0.2, 0.6, 1.0, 2.2)
 TEXT = """

@@ -21,7 +21,7 @@ from icmj.report.figures import rivals
 from icmj.report.panels import PANELS
 from icmj.report.summary import overview_figure
 from icmj.report.wording import pair
-from icmj.runfile.experiment_tables import DoubleStepTable, QuietStandingTable
+from icmj.study.experiment_file import DoubleStepTable, QuietStandingTable
 
 
 def rows():

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from icmj.cli.main import main
-from icmj.runfile.sweep_tables import SCHEMA_VERSION, json_schema
+from icmj.runfile.sweep_tables import SCHEMA_VERSION
+from icmj.study.file_kinds import json_schema
 from icmj.work.own_code import FAMILIES, RUNS, SWEEPS
 
 

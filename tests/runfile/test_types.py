@@ -15,10 +15,11 @@ from terminal_cases import told
 import icmj
 from icmj.cli.main import main
 from icmj.errors import RunFileError
-from icmj.runfile.experiment_tables import ExperimentFile, load_experiment
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile, to_toml
-from icmj.runfile.sweep_tables import FamilyFile, SweepFile, json_schema, load_family_file, load_sweep
+from icmj.runfile.sweep_tables import FamilyFile, SweepFile, load_family_file, load_sweep
+from icmj.study.experiment_file import ExperimentFile, load_experiment
+from icmj.study.file_kinds import json_schema
 from icmj.work.own_code import EXPERIMENTS, FAMILIES, RUNS, SWEEPS
 
 ROOT = Path(__file__).resolve().parents[2]

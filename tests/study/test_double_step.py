@@ -6,9 +6,9 @@ import pytest
 import icmj
 from icmj.controller.setpoint import double_steps
 from icmj.errors import DataError, RunFileError
-from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.reading import parse_toml
 from icmj.series.series import Series
+from icmj.study.experiment_file import ExperimentFile
 
 T_D = 0.14  # s
 

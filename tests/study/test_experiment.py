@@ -13,9 +13,9 @@ from terminal_cases import told as signs_apart
 
 import icmj
 from icmj.errors import DataError, IcmjError, RunFileError, StudyError
-from icmj.runfile.experiment_tables import ExperimentFile
 from icmj.runfile.reading import parse_toml
 from icmj.study.experiment import resume_experiment
+from icmj.study.experiment_file import ExperimentFile
 from icmj.work.own_code import EXPERIMENTS
 
 TEXT = """
@@ -77,7 +77,7 @@ def test_seeds_differ_and_the_case_stays_the_same(done):
 def test_two_processes_are_not_at_one_folder(tmp_path):
     file, out = file_of(TEXT, tmp_path), tmp_path / "out"
     script = (
-        "import sys; from icmj.runfile.experiment_tables import load_experiment as load\n"
+        "import sys; from icmj.study.experiment_file import load_experiment as load\n"
         "from icmj.study.experiment import resume_experiment\n"
         "with resume_experiment(sys.argv[2], load(sys.argv[1])):\n    print('there', flush=True); sys.stdin.read()"
     )

@@ -9,9 +9,9 @@ import icmj
 from icmj.controller.setpoint import double_steps
 from icmj.errors import DataError, IcmjError, RunFileError
 from icmj.experiments.multisine import StanceChannels
-from icmj.runfile.experiment_tables import KINDS, ExperimentFile
 from icmj.series.series import Series
 from icmj.simulation.disturbance import ternary_lines
+from icmj.study.experiment_file import KINDS, ExperimentFile
 
 OF_THE_STIMULUS = {
     "intersection_point": set(),
