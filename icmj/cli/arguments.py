@@ -13,10 +13,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Literal, get_args, get_type_hints
 
 from icmj.base.files import is_file_name
 from icmj.errors import IcmjError
+from icmj.study.kinds import KINDS
+
+if TYPE_CHECKING:
+    Stimulus = str
+else:
+    Stimulus = Literal[KINDS.names]
 
 RESULTS = Path("runs/out")
 """The folder of results where none is given."""
@@ -115,9 +121,7 @@ class NewCommand(Command):
     of: Annotated[tuple[Path, ...], POSITIONAL] = ()
     """What the file is for: a model (run), a run file or shipped case (sweep, experiment, family), or recordings
     (default: a shipped model or case)."""
-    stimulus: Literal["quiet_standing", "perturbed_stance", "multisine", "double_step", "intersection_point"] = (
-        "quiet_standing"
-    )
+    stimulus: Stimulus = KINDS.names[0]
     """Kind of experiment."""
     out: Annotated[Path | None, Given(writes=(".toml", ".csv"))] = None
     """File to write (default: the name of the model or kind, in this folder). An existing file is never overwritten."""

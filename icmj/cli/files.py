@@ -133,11 +133,12 @@ def _new_file(kind: Kind, given: Path | None, command: NewCommand) -> None:
     from icmj.runfile.reading import load_run, parse_toml
     from icmj.runfile.sweep_tables import FamilyFile, SweepFile
     from icmj.study.experiment_file import ExperimentFile
-    from icmj.study.first_file import RUN_OF, Names, draft_file
+    from icmj.study.first_file import draft_file, shipped_run
+    from icmj.study.kind import Names
 
     out = command.out or Path(f"{kind}.toml")
     _free(out)
-    given = given or Path(RUN_OF[command.stimulus if kind == "experiment" else kind])
+    given = given or Path(shipped_run(kind, command.stimulus))
     with Working(f"looking at {given.name}", ERR):
         base = load_run(given)
         plant = prepare(base).actual.linearisation.plant
@@ -164,11 +165,10 @@ def _expect_startable(file: ExperimentFile) -> None:
         IcmjError: if one does not.
     """
     from icmj.case.case import prepare
-    from icmj.study.experiment import conditions_of, kind_of
+    from icmj.study.experiment import conditions_of
 
-    kind = kind_of(file)
     for one in conditions_of(file):
-        prepare(kind.stimulate(one.run, file.experiment.seed))
+        prepare(file.settings.stimulate(one.run, file.experiment.seed))
 
 
 TABLE = """# Recordings of standing people, for icmj fit --table {name} --model event --model switching

@@ -1,6 +1,4 @@
-"""Figures of what experiments find: intersection point of ground reaction forces, quiet standing, multi-sines.
-
-Figures of double steps: reaction times against the interval between steps, and one pair as it was reconstructed.
+"""Figures of what experiments find: colours and legends of their cases; reaction times, and pairs of steps.
 
 Figures of a fit: posterior beside prior, recorded beside simulated sway, calibration, confusion, groups.
 """
@@ -8,18 +6,16 @@ Figures of a fit: posterior beside prior, recorded beside simulated sway, calibr
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import product
 from textwrap import fill as fill_lines
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from icmj.base.array import Array, between, steps_in
-from icmj.base.numbers import readable
 from icmj.errors import ReportError
-from icmj.experiments.quiet_standing import Finding, Standing
+from icmj.experiments.quiet_standing import Finding
 from icmj.experiments.reconstruction import Reconstruction
-from icmj.experiments.refractoriness import DIRECTIONS, Refractoriness
+from icmj.experiments.refractoriness import Refractoriness
 from icmj.measurement.statistics import cut_windows, hann
 from icmj.report import style
 from icmj.report.figures import COLOURS
@@ -92,123 +88,6 @@ def under_legend(figure: Figure, axes: Sequence[Axes], found: Sequence[ShownResu
         each.set_position((box.x0, low + (box.y0 - low) * share, box.width, box.height * share))
 
 
-def intersection_figure(found: Sequence[ShownResult]) -> Figure:
-    """z over the height of the centre of mass against frequency; dotted: that height, thin: theory."""
-    figure, (axes,) = style.new_figure(80.0, width=140.0)
-    ratios, lowest = True, 1.0
-    for one, colour in assign_colours(found):
-        if one.finding is None:
-            continue
-        curves = one.finding.curves
-        f, ratio = curves["frequency (Hz)"], curves["z/h"]
-        ratios = ratios and bool(np.isfinite(ratio).all())
-        z = ratio if ratios else curves["z (m)"]
-        by = _by(curves) if ratios else 1.0
-        axes.semilogy(f, z, color=colour, linestyle=LINE[one.plant], linewidth=1.3)
-        spread = curves["deviation (m)"] / by
-        if np.isfinite(spread).all() and (spread > 0).any():
-            axes.fill_between(f, np.maximum(z - spread, 1e-3), z + spread, color=colour, alpha=0.15, linewidth=0)
-        if one.plant != "mujoco":
-            axes.semilogy(f, curves["theory (m)"] / by, color="#222222", linewidth=0.6, zorder=3)
-        lowest = min(lowest, float(z[np.isfinite(z) & (z > 0)].min(initial=1.0)))
-    axes.set_ylim(bottom=0.6 * lowest)
-    if ratios:
-        axes.axhline(1.0, **style.CRITICAL)
-    axes.set(xlabel="frequency (Hz)", ylabel="intersection point, $z/h$" if ratios else "intersection point (m)")
-    axes.set_yticks([0.2, 0.5, 1, 2, 5], labels=["0.2", "0.5", "1", "2", "5"])
-    axes.minorticks_off()
-    under_legend(figure, [axes], found)
-    return figure
-
-
-def _by(curves: Mapping[str, Array]) -> float:
-    """The height of the centre of mass by which results are divided [m]."""
-    good = curves["z/h"] != 0
-    return float(np.median(curves["z (m)"][good] / curves["z/h"][good]))
-
-
-def standing_figure(found: Sequence[ShownResult]) -> Figure:
-    """Left: density of the first signal in units of its deviation, dotted: normal; right: density of the intervals."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(150 * style.MM, 70 * style.MM))
-    place, times = (figure.add_axes((left, 0.14, 0.4, 0.82)) for left in (0.09, 0.58))
-    edges = np.linspace(-4, 4, 61)
-    middle = (edges[1:] + edges[:-1]) / 2
-    for one, colour in assign_colours(found):
-        if not isinstance(one.finding, Standing):
-            continue
-        density, _ = np.histogram(one.finding.positions[:, 0], edges, density=True)
-        place.plot(middle, density, color=colour, linestyle=LINE[one.plant], linewidth=1.2)
-        intervals = one.finding.intervals
-        if len(intervals) > 1 and np.ptp(intervals) > 1e-6 * intervals.mean():
-            counts, bins = np.histogram(intervals, 40, density=True)
-            times.stairs(counts, bins, color=colour, linestyle=LINE[one.plant], linewidth=1.2)
-    place.plot(middle, np.exp(-(middle**2) / 2) / np.sqrt(2 * np.pi), **style.CRITICAL)
-    place.set(xlabel="position (standard deviations)", ylabel="density (1/SD)")
-    times.set(xlabel=r"interval $\Delta_{ol}$ (s)", ylabel="density (1/s)")
-    if not times.patches:
-        times.set_visible(False)
-        place.set_position((0.09, 0.14, 0.89, 0.82))
-    under_legend(figure, [place, times], found)
-    return figure
-
-
-def multisine_figure(found: Sequence[ShownResult], units: tuple[str, str]) -> Figure:
-    """Gain with 95 % confidence, phase, power; line: theory; rings and crosses: excited lines; points: the remnant.
-
-    ``units`` are those of stimulus and response.
-    """
-    figure, (gain, phase, power) = style.new_figure(150.0, rows=3, width=150.0)
-    (of_stimulus, stimulus), (of_response, response_unit) = map(readable, units)
-    scale = of_response / of_stimulus
-    highest, least, ends = 0.0, np.inf, (np.inf, 0.0)
-    for one, colour in assign_colours(found):
-        if one.finding is None:
-            continue
-        curves = one.finding.curves
-        f, excited = curves["frequency (Hz)"], curves["excited"] > 0
-        response = (curves["real"] + 1j * curves["imag"])[excited]
-        marker, lines = MARKER[one.plant], f[excited]
-        style_of: dict[str, Any] = {
-            "color": colour,
-            "marker": marker,
-            "linestyle": "none",
-            "markersize": 3.5,
-            "fillstyle": "none",
-        }
-        size, radius = scale * np.abs(response), scale * curves["radius"][excited]
-        gain.errorbar(lines, size, radius, elinewidth=0.6, **style_of)
-        least = min(least, float(size[size > 0].min(initial=np.inf)))
-        phase.plot(lines, np.degrees(np.angle(response)), **style_of)
-        theory = (curves["theory, real"] + 1j * curves["theory, imag"])[excited]
-        gain.plot(lines, scale * np.abs(theory), color="#222222", linewidth=0.6)
-        phase.plot(*_unwound(lines, np.degrees(np.angle(theory))), color="#222222", linewidth=0.6)
-        values, ends = of_response**2 * curves["power"], (min(ends[0], lines[0]), max(ends[1], lines[-1]))
-        power.plot(f[~excited], values[~excited], color=colour, linestyle="none", marker=".", markersize=1, zorder=1)
-        power.plot(lines, values[excited], **style_of)
-        highest = max(highest, float(values.max(initial=0.0)))
-    over = f"({stimulus})" if " " in stimulus else stimulus
-    squared = f"({response_unit})²" if " " in response_unit else f"{response_unit}²"
-    gain.set(xscale="log", yscale="log", ylabel=f"gain ({response_unit}/{over})")
-    phase.set(ylabel="phase (°)", ylim=(-190, 190), yticks=(-180, -90, 0, 90, 180))
-    power.set(yscale="log", ylabel=f"power ({squared})", xlabel="frequency (Hz)")
-    if np.isfinite(least):
-        gain.set_ylim(bottom=least / 3)
-    if highest > 0:
-        power.set_xlim(ends[0] / 2, 2 * ends[1])
-        power.set_ylim(bottom=LOWEST * highest, top=3 * highest)
-    figure.align_ylabels([gain, phase, power])
-    under_legend(figure, [gain, phase, power], found, markers=True)
-    return figure
-
-
-def _unwound(x: Array, phase: Array) -> tuple[Array, Array]:
-    """A line that is broken where the phase [°] goes around."""
-    gaps = 1 + np.flatnonzero(np.abs(np.diff(phase)) > 180)
-    return np.insert(x, gaps, np.nan), np.insert(phase, gaps, np.nan)
-
-
 _FIRST, _SECOND = "#0072b2", "#d55e00"
 _BEFORE, _AFTER = 0.3, 1.0  # s about a pair
 
@@ -263,58 +142,6 @@ def draw_reconstruction(axes: Axes, found: Reconstruction, pair: int) -> None:
             axes.stairs(level, edges, baseline=None, color=colour, linewidth=1.2, label=words)
     unit = f" ({found.unit})" if found.unit else ""
     axes.set(xlabel="time since the first step (s)", ylabel=f"control{unit}", xlim=(t[0], t[-1]))
-
-
-def double_step_figure(found: Sequence[ShownResult], example: Reconstruction | None) -> Figure:
-    """RT1 (open) and RT2 (filled) of every case against the interval, and one reversal as it was reconstructed.
-
-    Of a case whose directions differ, both are drawn.
-    """
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-
-    figure = Figure(figsize=(170 * style.MM, 80 * style.MM))
-    times, pair = (figure.add_axes((left, 0.13, wide, 0.82)) for left, wide in ((0.075, 0.47), (0.635, 0.35)))
-    apart = False
-    for one, colour in assign_colours(found):
-        if one.finding is None:
-            continue
-        curves = one.finding.curves
-        look: dict[str, Any] = {
-            "color": colour,
-            "linewidth": 1.0,
-            "linestyle": LINE[one.plant],
-            "capsize": 1.5,
-            "elinewidth": 0.6,
-        }
-        of = ("",) if "ISI (s)" in curves else tuple(f"{name}, " for name in DIRECTIONS)
-        apart = apart or len(of) > 1
-        for part, (name, fill) in product(of, (("RT1", "none"), ("RT2", "full"))):
-            isi, rt, error = (curves[f"{part}{what} (s)"] for what in ("ISI", name, f"{name}, error"))
-            look["marker"] = "s" if part.startswith(DIRECTIONS[0]) else "o"
-            times.errorbar(isi, rt, 2 * error, markersize=3.5, fillstyle=fill, **look)
-    times.set(xlabel="interval between the steps (s)", ylabel="reaction time (s)", xlim=(0, None))
-    low, high = times.get_ylim()
-    times.set_ylim(0, high + 0.08 * (high - low))
-    ring: dict[str, Any] = {"color": "#555555", "linestyle": "none", "marker": "o", "markersize": 4}
-    handles = [
-        Line2D([], [], fillstyle="none", label="first step", **ring),
-        Line2D([], [], label="second step", **ring),
-    ]
-    if apart:
-        handles += [
-            Line2D([], [], label=name, **ring | {"marker": m}) for name, m in zip(DIRECTIONS, "so", strict=True)
-        ]
-    times.legend(handles=handles, loc="upper right", ncols=2)
-    under_legend(figure, [times, pair], found)
-    if example is not None:
-        turned = np.flatnonzero(~example.pairs.same & np.isfinite(example.rt).all(axis=1))
-        shown = turned if len(turned) else np.arange(len(example.pairs))
-        draw_reconstruction(pair, example, int(shown[np.argsort(example.pairs.isi[shown])[len(shown) // 4]]))
-        low, high = pair.get_ylim()
-        pair.set_ylim(low, high + 0.22 * (high - low))
-        pair.legend(loc="upper right", ncols=2)
-    return figure
 
 
 _POSTERIOR, _PRIOR, _RECORDED, _BAD = "#0072b2", "#b8b2a0", "#222222", "#d55e00"

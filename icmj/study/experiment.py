@@ -50,13 +50,38 @@ from icmj.series.writing import find_writers
 from icmj.simulation.settings import reseed
 from icmj.study.estimate import refuse_trials
 from icmj.study.experiment_file import CaseTable, ExperimentFile, load_experiment
-from icmj.study.kind import CaseResult, DoubleStepKind, Experiment, Kind, QuietStandingKind
-from icmj.study.stance import IntersectionPointKind, MultisineKind, PerturbedStanceKind
+from icmj.study.kind import CaseResult, Kind, at_work
 from icmj.work.folder import Description, Folder, digest_of, fingerprint_of, provenance, resume
+from icmj.work.own_code import Code
 from icmj.work.workers import Task, Workers, processes
 
 TRIALS = "trials"
 _MOST_BYTES, _MOST_ROWS = 500e6, 10_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """The results of an experiment.
+
+    Attributes:
+        file: the experiment file.
+        found: the results for each case on each plant, in the order of the file, or for recordings.
+        recordings: names of the files of recordings; empty for simulated trials.
+        notes: what was left out of them, or resampled, or is odd about them.
+    """
+
+    file: ExperimentFile
+    found: tuple[CaseResult, ...]
+    recordings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> CaseResult:
+        """The result for a case, or for ``case.plant``."""
+        for told in self.found:
+            if name in (told.case, f"{told.case}.{told.plant}"):
+                return told
+        known = ", ".join(f"{told.case}.{told.plant}" for told in self.found)
+        raise DataError(f"no case {name!r} in the experiment; expected one of {known}")
 
 
 def resume_experiment(
@@ -82,7 +107,7 @@ def resume_experiment(
     mark: dict[str, Any] = {"fingerprint": fingerprint(file)}
     if recordings:
         analysed = file.model_dump(exclude={"case": True, "experiment": {"title", "repetitions"}})
-        mark = {"fingerprint": fingerprint_of({"file": analysed}), "recordings": list(recordings)}
+        mark = {"fingerprint": fingerprint_of({"file": analysed} | _own_sources(file)), "recordings": list(recordings)}
     kinds = "experiment file or recording" if recordings else "experiment file, run file, model or code"
     return resume(path, Description("experiment", TRIALS, mark, kinds, more), StudyError, again="simulated")
 
@@ -94,7 +119,15 @@ def fingerprint(file: ExperimentFile) -> str:
         "runs": [run.model_dump() for run in file.runs],
         "files": [digests(run) for run in file.runs],
     }
-    return fingerprint_of(identity)
+    return fingerprint_of(identity | _own_sources(file))
+
+
+def _own_sources(file: ExperimentFile) -> dict[str, Any]:
+    """Digests of the code of a kind of the user's own."""
+    if ":" not in file.kind:
+        return {}
+    code = Code(file.path.parent, allowed=True)
+    return {"code": [code.digest(file.kind), *(digest_of(path) for path in code.sources(file.kind))]}
 
 
 def has_trial(path: Path, name: str, index: int) -> bool:
@@ -191,11 +224,9 @@ def write_results(experiment: Experiment, kind: Kind, folder: Folder) -> None:
             pq.write_table(table(experiment), part)
         write_text(path / SUMMARY, json.dumps(summary(experiment), indent=1, ensure_ascii=False) + "\n")
         svg = _draw(experiment, kind, path)
-        file = experiment.file
         rows = _rows(experiment)
-        page = experiment_page(
-            _title(experiment), file.kind, file.settings, rows, svg, experiment.recordings, experiment.notes
-        )
+        with at_work(kind):
+            page = experiment_page(_title(experiment), kind, rows, svg, experiment.recordings, experiment.notes)
         write_text(path / PAGE, page)
     except OSError as error:
         raise StudyError(f"{path}: cannot be written to ({error.strerror}); choose another --out") from error
@@ -205,7 +236,8 @@ def _draw(experiment: Experiment, kind: Kind, path: Path) -> bytes | None:
     if not any(told.finding is not None for told in experiment.found):
         return None
     with style.apply():
-        figure = kind.draw_figure(experiment.found)
+        with at_work(kind):
+            figure = kind.draw_figure(experiment.found)
         svg, png = style.save(figure, "svg"), BytesIO()
         figure.savefig(png, format="png", dpi=200, metadata={"Software": None})
     write_bytes(path / f"{FIGURE}.svg", svg)
@@ -225,20 +257,6 @@ def _row(told: CaseResult) -> Row:
     finding = told.finding
     numbers, deviations = ({}, {}) if finding is None else (dict(finding.numbers), dict(finding.deviations))
     return Row(told.title, told.plant, told.trials, numbers, told.words, deviations)
-
-
-KIND_OF: dict[str, type[Kind]] = {
-    "double_step": DoubleStepKind,
-    "intersection_point": IntersectionPointKind,
-    "multisine": MultisineKind,
-    "perturbed_stance": PerturbedStanceKind,
-    "quiet_standing": QuietStandingKind,
-}
-
-
-def kind_of(file: ExperimentFile) -> Kind:
-    """The kind of an experiment file, with its settings."""
-    return KIND_OF[file.kind](file.settings)
 
 
 Tell = Callable[[str, float], None]
@@ -269,7 +287,7 @@ def run_experiment(
         IcmjError: errors of the plants, designs, runs or the analysis.
     """
     made = file if isinstance(file, ExperimentFile) else load_experiment(file)
-    kind, conditions = kind_of(made), list(conditions_of(made))
+    kind, conditions = made.settings, list(conditions_of(made))
     cases = {one.case: _prepare(kind, one, made.experiment.seed) for one in conditions}
     if longest is not None:
         work, count = [], made.experiment.repetitions
@@ -316,11 +334,13 @@ def analyse_recordings(
         StudyError: if the folder holds another experiment, or one on other recordings.
     """
     made = file if isinstance(file, ExperimentFile) else load_experiment(file)
-    kind, trials, notes, same = kind_of(made), list[Recording](), list[str](), dict[bytes, Path]()
+    kind, trials, notes, same = made.settings, list[Recording](), list[str](), dict[bytes, Path]()
     for path in map(Path, recordings):
         try:
             series = expect_rate(read_series(path, rate=rate, since=since, until=until), rate)
-            trials.append(Recording(doubt(kind.read(series))))
+            with at_work(kind):
+                read = kind.read(series)
+            trials.append(Recording(doubt(read)))
             first = same.setdefault(trials[-1].series.values.tobytes(), path)
             if len(same) < len(trials):
                 raise DataError(f"holds the same values as {first}; a copy is no further trial, leave it out")
@@ -330,7 +350,8 @@ def analyse_recordings(
     if not trials:
         raise DataError("no recording; give one file at least")
     try:
-        finding = kind.analyse(trials)
+        with at_work(kind):
+            finding = kind.analyse(trials)
     except DataError as error:
         which = str(recordings[0]) if len(trials) == 1 else f"{len(trials)} recordings"
         raise DataError(f"{which}: {error}") from error
@@ -398,7 +419,9 @@ def conditions_of(file: ExperimentFile) -> Iterator[Condition]:
 
 def _prepare(kind: Kind, one: Condition, seed: int) -> Case:
     """The case of its first trial; errors come before anything is simulated."""
-    return prepare(kind.stimulate(one.run, seed))
+    with at_work(kind):
+        run = kind.stimulate(one.run, seed)
+    return prepare(run)
 
 
 def _trials(
@@ -448,14 +471,17 @@ def _trials(
 @limit_to_one_thread()
 def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], None] | None = None) -> Recording:
     """One trial of a case on a plant."""
-    case = LAST.get(kind.stimulate(one.run, seed))
+    with at_work(kind):
+        run = kind.stimulate(one.run, seed)
+    case = LAST.get(run)
     case = replace(case, settings=reseed(case.settings, seed))
     found = simulate(case, one.plant, trigger=one.trigger(case), progress=progress)
     whole = found.outcome.kind not in ("fell", "diverged", "interrupted")
     # what stands for continuous control is a clock of a few milliseconds, whose ticks are no events
     events = found.events.t[:0] if one.table.control == "continuous" else found.events.t
     events = events[between(events, kind.begin)] - kind.begin
-    signals = kind.recorded(case, found)
+    with at_work(kind):
+        signals = kind.recorded(case, found)
     signals = replace(signals, facts={**signals.facts, SETTLED: f"{kind.begin:g} s are left out"})
     return Recording(signals, events, "completed" if whole else found.outcome.kind)
 
@@ -470,7 +496,8 @@ def _set_controller(one: Condition, case: Case) -> Case:
 def _analyse(kind: Kind, one: Condition, case: Case, trials: Sequence[Recording]) -> CaseResult:
     """The result of the analysis or, if there is none, the reason."""
     try:
-        finding = kind.analyse(trials, _set_controller(one, case), one.plant)
+        with at_work(kind):
+            finding = kind.analyse(trials, _set_controller(one, case), one.plant)
         return CaseResult(one.case, one.title, one.plant, finding, len(trials), finding.words)
     except IcmjError as error:
         return CaseResult(one.case, one.title, one.plant, None, len(trials), f"no conclusion, because {error}")

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any, Literal
 
 from icmj.runfile import sweep_tables
-from icmj.runfile.schema import RunFile
-from icmj.runfile.sweep_tables import FamilyFile, SweepFile
 from icmj.runfile.table import TomlTable
-from icmj.study.experiment_file import ExperimentFile
 
-KINDS: dict[str, tuple[type[TomlTable], str]] = {
-    "run": (RunFile, "icmj run file"),
-    "sweep": (SweepFile, "icmj sweep file"),
-    "experiment": (ExperimentFile, "icmj experiment file"),
-    "family": (FamilyFile, "icmj family file"),
+FileKind = Literal["run", "sweep", "experiment", "family"]
+_SCHEMAS = {
+    "run": "icmj.runfile.schema:RunFile",
+    "sweep": "icmj.runfile.sweep_tables:SweepFile",
+    "experiment": "icmj.study.experiment_file:ExperimentFile",
+    "family": "icmj.runfile.sweep_tables:FamilyFile",
 }
 
 
-def json_schema(kind: Literal["run", "sweep", "experiment", "family"]) -> dict[str, Any]:
+def schema_of(kind: FileKind) -> type[TomlTable]:
+    """What a kind of file is read by; imported when asked for."""
+    module, _, name = _SCHEMAS[kind].partition(":")
+    found: type[TomlTable] = getattr(import_module(module), name)
+    return found
+
+
+def json_schema(kind: FileKind) -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of a kind of file: every table and key with its meaning, bounds and default."""
-    model, title = KINDS[kind]
-    return sweep_tables.json_schema(model, kind, title)
+    return sweep_tables.json_schema(schema_of(kind), kind, f"icmj {kind} file")

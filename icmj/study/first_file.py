@@ -9,62 +9,38 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from icmj.runfile.schema import RunFile, key_text, value_text
 from icmj.runfile.sweep_tables import docstrings
 from icmj.runfile.table import TomlTable
-from icmj.study.experiment_file import KINDS as STIMULI
-from icmj.study.file_kinds import KINDS
+from icmj.study.file_kinds import schema_of
+from icmj.study.kind import Kind as ExperimentKind
+from icmj.study.kind import Names
+from icmj.study.kinds import KINDS
 
 Kind = Literal["sweep", "experiment", "family"]
-RUN_OF: Mapping[str, str] = {
-    "sweep": "simple-0.8", "family": "quiet-standing", "intersection_point": "quiet-standing",
-    "multisine": "three-link-0.9", "quiet_standing": "quiet-standing", "perturbed_stance": "one-link-event",
-    "double_step": "simple-exact",
-}  # fmt: skip
-"""The shipped case that a file is of where none is given: of each kind, and of each kind of experiment."""
+_RUN_OF: Mapping[str, str] = {"sweep": "simple-0.8", "family": "quiet-standing"}
 _PAGE = 118  # columns of comments
 _MODES = ("own", "continuous")
-# what a key may hold that is not set by default, as (table, key)
-_EXAMPLES: Mapping[tuple[str, str], Any] = {
-    ("SweepHeadTable", "samples"): 1000,
-    ("SweepHeadTable", "chunk"): 50,
-    ("VaryTable", "change"): {"what": "mass", "by": "factor"},
-    ("VaryTable", "values"): [0.8, 0.9, 1.0],
-    ("CaseTable", "interval"): 0.35,
-    ("CaseTable", "set"): {"controller": {"q_t": 0.005}},
-    ("FamilyTable", "set"): {"simulation": {"limit": 0.15}},
-    ("IntersectionPointTable", "height"): 0.95,
-    ("MultisineTable", "input"): "torque",
-    ("MultisineTable", "setpoint"): "angle",
-    ("MultisineTable", "response"): "u.ankle_torque",
-    ("PerturbedStanceTable", "output"): "lean",
-    ("PerturbedStanceTable", "vertical"): {"lean": 0.3},
-    ("PerturbedStanceTable", "vertical_rate"): {"lean_rate": 0.3},
-    ("PerturbedStanceTable", "inertia"): 60.0,
-    ("PerturbedStanceTable", "toppling"): 588.6,
-    ("DoubleStepTable", "combination"): {"shank": 0.44, "thigh": 0.44, "trunk": 0.69},
-    ("DoubleStepTable", "unit"): "m",
-    ("DoubleStepTable", "control"): "u.torque",
-    ("PriorTable", "median"): 1.0,
-    ("PriorTable", "deviation"): 0.3,
+# what a key may hold that is not set by default, by table; those of kinds of experiments say it themselves
+_EXAMPLES: Mapping[str, Mapping[str, Any]] = {
+    "SweepHeadTable": {"samples": 1000, "chunk": 50},
+    "VaryTable": {"change": {"what": "mass", "by": "factor"}, "values": [0.8, 0.9, 1.0]},
+    "CaseTable": {"interval": 0.35, "set": {"controller": {"q_t": 0.005}}},
+    "FamilyTable": {"set": {"simulation": {"limit": 0.15}}},
+    "PriorTable": {"median": 1.0, "deviation": 0.3},
 }
 _SET: Mapping[str, Any] = {"simulation.duration": 20.0}
 
 
-@dataclass(frozen=True)
-class Names:
-    """Names of the inputs, outputs and states of a plant, which keys may need."""
-
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    states: tuple[str, ...]
+def shipped_run(kind: Kind, stimulus: str) -> str:
+    """The shipped case that a file is of where none is given."""
+    return str(KINDS[stimulus].KIND.first_run) if kind == "experiment" else _RUN_OF[kind]
 
 
 def draft_file(
-    kind: Kind, file: str, name: str, run: str, base: RunFile, names: Names, stimulus: str = "quiet_standing"
+    kind: Kind, file: str, name: str, run: str, base: RunFile, names: Names, stimulus: str = KINDS.names[0]
 ) -> str:
     """The text of a file that runs as it is.
 
@@ -80,8 +56,10 @@ def draft_file(
     values = {
         "sweep": _sweep_values, "experiment": _experiment_values, "family": _family_values
     }[kind](name, run, base, names, stimulus)  # fmt: skip
-    model, _ = KINDS[kind]
-    said = docstrings(model)
+    model = schema_of(kind)
+    said = docstrings(model) | {
+        key: field.description for key, field in model.model_fields.items() if field.description
+    }
     lines = [*_file_head(kind, file, names, stimulus)]
     for key, field in model.model_fields.items():
         table = table_of(field)
@@ -97,7 +75,7 @@ def draft_file(
 
 
 def _file_head(kind: Kind, file: str, names: Names, stimulus: str) -> Iterator[str]:
-    others = ", ".join(each for each in STIMULI if each != stimulus)
+    others = ", ".join(each for each in KINDS.names if each != stimulus)
     does = {
         "sweep": "icmj sweep {0} computes it, icmj sweep {0} --dry-run says how long that takes",
         "experiment": f"icmj experiment {{0}} carries it out. Its kind is {stimulus}; other kinds are {others}",
@@ -126,6 +104,7 @@ def table_of(field: Any) -> type[TomlTable] | None:
 def _entry_lines(table: type[TomlTable], values: Mapping[str, Any], explained: bool) -> Iterator[str]:
     """The keys of one table; where it is explained, all of them, each after its meaning."""
     said = docstrings(table)
+    examples = table.examples if issubclass(table, ExperimentKind) else _EXAMPLES.get(table.__name__, {})
     for key, field in table.model_fields.items():
         if explained:
             yield from _comment(said[key])
@@ -137,7 +116,7 @@ def _entry_lines(table: type[TomlTable], values: Mapping[str, Any], explained: b
         elif explained:
             default = field.get_default(call_default_factory=True)
             known = default is not None and default != {} and default != ""
-            yield f"# {key_text(key)} = {_toml(default if known else _EXAMPLES.get((table.__name__, key), default))}"
+            yield f"# {key_text(key)} = {_toml(default if known else examples.get(key, default))}"
 
 
 def _comment(words: str, begin: str = "# ") -> list[str]:
@@ -162,30 +141,15 @@ def _sweep_values(name: str, run: str, base: RunFile, names: Names, stimulus: st
 
 
 def _experiment_values(name: str, run: str, base: RunFile, names: Names, stimulus: str) -> dict[str, Any]:
-    settings: dict[str, dict[str, Any]] = {
-        "intersection_point": {"duration": 60.0},
-        "multisine": {
-            "input": names.inputs[0], "amplitude": 2.0, "period": 10.0, "lines": [0.1, 0.3, 0.7, 1.3, 2.3],
-            "periods": 4,
-        },
-        "quiet_standing": {"duration": 60.0},
-        "perturbed_stance": {"size": 0.0175},
-        "double_step": {
-            "output": names.outputs[0], "size": 0.02, "isi": [0.1, 0.2, 0.4, 0.8], "recovery": [2.5, 3.5],
-        },
-    }  # fmt: skip
-    changes: dict[str, Any] = {}
-    if run == RUN_OF[stimulus]:  # as the shipped experiments of these kinds have it
-        settings["perturbed_stance"] |= {
-            "axis_height": 0.06, "vertical": {"lean": 0.3}, "vertical_rate": {"lean_rate": 0.3}
-        }  # fmt: skip
-        if stimulus == "double_step":
-            own = {"delta_min": 0.35}
-            changes = {"set": {"assumed": {"delay": 0.14}, "controller": own, "simulation": {"initial": {"hinge": 0}}}}
+    kind: type[ExperimentKind] = KINDS[stimulus].KIND
+    shipped = run == kind.first_run
+    changes = {"set": kind.first_changes} if shipped and kind.first_changes else {}
     controls = _MODES if base.has_events else _MODES[:1]
     cases = [{"run": run, "name": control, "control": control, **changes} for control in controls]
     engine = {"plants": ["linear"]}  # the quick one
-    return {"experiment": {"name": name, **engine, "seed": 1}, stimulus: settings[stimulus], "case": cases}
+    return {
+        "experiment": {"name": name, **engine, "seed": 1}, stimulus: kind.first_values(names, shipped), "case": cases
+    }  # fmt: skip
 
 
 def _family_values(name: str, run: str, base: RunFile, names: Names, stimulus: str) -> dict[str, Any]:

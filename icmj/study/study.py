@@ -240,7 +240,7 @@ def run_case(
 
 def _sway(case: Case, found: Statistics | None, simulation: Simulation) -> dict[str, float]:
     """Measures of the centre of pressure of a person whom noise moves, over what the statistics are of."""
-    from icmj.study.kind import measure_pressure
+    from icmj.study.pressure import measure_pressure
 
     return {} if found is None else measure_pressure(case, simulation, found.start)
 

@@ -295,6 +295,13 @@ def reference_of(thing: Any) -> str:
     return f"{getattr(module, _ORIGIN, kind.__module__)}:{kind.__qualname__}"
 
 
+def folder_of(kind: type) -> Path | None:
+    """The folder from whose files a class was imported; ``None`` if its module is an installed one."""
+    module = sys.modules.get(kind.__module__)
+    name = getattr(module, _ORIGIN, None)
+    return Path(str(getattr(module, "__file__", ""))).parents[name.count(".")] if name else None
+
+
 def digest_of(thing: Any) -> str:
     """SHA-256 of the source file of a class, a function, or what a class has made; "" if there is none."""
     kind = thing if isinstance(thing, type) or inspect.isroutine(thing) else type(thing)

@@ -23,7 +23,6 @@ from icmj.simulation.settings import reseed
 from icmj.study.chunk import compute
 from icmj.study.experiment import Condition, trial
 from icmj.study.experiment_file import ExperimentFile
-from icmj.study.kind import DoubleStepKind, QuietStandingKind
 from icmj.study.plan import Plan
 from icmj.study.sweep import try_plan
 
@@ -274,7 +273,7 @@ def by_experiment(run: RunFile, plant: Plant) -> Simulation:
         "quiet_standing": {"duration": 1.5, "settle": 0.5, "columns": ["y.lean"], "low_pass": None},
     }
     file = ExperimentFile.validated(data, run.path.parent / "experiment.toml", allow_code=True)
-    kind = QuietStandingKind(file.settings)
+    kind = file.settings
     one = Condition("a", "a", plant, file.case[0], run)
     other = replace(one, run=run.with_(setpoint=None))
     trial(kind, other, 8)
@@ -282,7 +281,7 @@ def by_experiment(run: RunFile, plant: Plant) -> Simulation:
     stimulated = kind.stimulate(run, 7)
     alone = simulated(stimulated, plant, 7)
     np.testing.assert_array_equal(found.series.values, kind.recorded(prepared(stimulated), alone).values)
-    t, settle = alone.events.t, file.settings.settle  # a trial begins where the run has settled
+    t, settle = alone.events.t, kind.begin  # a trial begins where the run has settled
     np.testing.assert_array_equal(found.events, t[t >= settle - 1e-9] - settle)
     return simulated(run, plant)
 
@@ -393,7 +392,7 @@ def test_trials_of_one_process_have_each_their_own_set_point(base: RunFile) -> N
         "double_step": steps,
     }
     file = ExperimentFile.validated(data, base.path.parent / "experiment.toml", allow_code=True)
-    kind = DoubleStepKind(file.settings)
+    kind = file.settings
     for changes in ({}, FEATURES["continuous predictor"]):
         one = Condition("a", "a", "linear", file.case[0], base.with_(**changes))
         for seed in (3, 4):

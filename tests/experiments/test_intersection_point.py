@@ -12,7 +12,7 @@ from icmj import Noise, Series
 from icmj.engine.reaction import ground_force, reaction
 from icmj.errors import AnalysisError, DataError, ModelError
 from icmj.simulation.disturbance import terms_of
-from icmj.study.stance import _density
+from icmj.study.kinds.intersection_point import _density
 
 G = 9.81
 # the double pendulum of the published code (field.md): masses, centres, inertias, length of the lower link, height of

@@ -21,7 +21,8 @@ from icmj.report.figures import rivals
 from icmj.report.panels import PANELS
 from icmj.report.summary import overview_figure
 from icmj.report.wording import pair
-from icmj.study.experiment_file import DoubleStepTable, QuietStandingTable
+from icmj.study.kinds.double_step import DoubleStepTable
+from icmj.study.kinds.quiet_standing import QuietStandingTable
 
 
 def rows():
@@ -84,10 +85,10 @@ def plain(page):
 
 def test_the_foot_names_what_the_page_was_built_from():
     """Pages of experiments and fits said "from logs", "PDF", and named the paper on limit cycles."""
-    page = experiment_page("Double steps", "double_step", DOUBLE_STEP, [Row("a", "linear", 2, {}, "words")], b"<svg/>")
+    page = experiment_page("Double steps", DOUBLE_STEP, [Row("a", "linear", 2, {}, "words")], b"<svg/>")
     assert "from the trials in the folder of this page. The figure is also available as SVG and PNG files" in foot(page)
     row = Row("a", "recording", 2, {}, "words")
-    recorded = experiment_page("Double steps", "double_step", DOUBLE_STEP, [row], None, ("anna.csv",))
+    recorded = experiment_page("Double steps", DOUBLE_STEP, [row], None, ("anna.csv",))
     assert "from recordings." in foot(recorded)
     assert "Recorded data: 2 trials, from anna.csv" in recorded
     for said in (foot(page), foot(recorded)):
@@ -99,7 +100,7 @@ def test_the_page_of_an_experiment_says_what_was_found_of_which_data_before_anyt
     words = {"linear": "It sways by 4.9 mm.", "mujoco": "It sways by 4.8 mm."}
     rows = [Row("events", plant, 4, {}, said) for plant, said in words.items()]
     rows += [Row("clock", plant, 4, {}, "Both alike.") for plant in words]
-    page = plain(experiment_page("Quiet standing", "quiet_standing", STANDING, rows, None))
+    page = plain(experiment_page("Quiet standing", STANDING, rows, None))
     head, _, rest = page.partition("1 Results")
     assert "Simulated data: 2 cases on the linear plant and in MuJoCo, 4 trials each" in head
     assert "events. On the linear plant, it sways by 4.9 mm. In MuJoCo, it sways by 4.8 mm." in head
@@ -111,16 +112,16 @@ def test_measures_of_sway_stand_in_millimetres_with_their_scatter_beside_those_o
     """RMS was given in metres, and nothing beside it said what is usual."""
     numbers = {"cop.x, RMS (m)": 0.0049, "cop.x, D, short times (m²/s)": 1.16e-5, "cop.x, mean frequency (Hz)": 0.24}
     row = Row("events", "linear", 4, numbers, "words", {"cop.x, RMS (m)": 0.00051})
-    page = plain(experiment_page("Standing", "quiet_standing", STANDING, [row], None))
+    page = plain(experiment_page("Standing", STANDING, [row], None))
     assert "RMS (mm) 4.90 ± 0.51 4.74 ± 1.6" in page
     assert "D, short times (mm²/s) 11.6 –" in page
     assert "mean frequency (Hz) 0.240 0.252 ± 0.13" in page
     elsewhere = Row("events", "linear", 4, {"trunk, RMS (rad)": 0.01}, "words")
-    page = plain(experiment_page("Standing", "quiet_standing", STANDING, [elsewhere], None))
+    page = plain(experiment_page("Standing", STANDING, [elsewhere], None))
     assert "RMS (°) 0.573" in page
     assert "young people" not in page
     measured = Row("anna", "recording", 1, {"ap, RMS (cm)": 0.296}, "words")
-    page = plain(experiment_page("Standing", "quiet_standing", STANDING, [measured], b"<svg/>", ("anna.csv",)))
+    page = plain(experiment_page("Standing", STANDING, [measured], b"<svg/>", ("anna.csv",)))
     assert "RMS (mm) 2.96" in page
     assert "Figure 1. Distribution of ap, divided by its standard deviation" in page
     assert "Right:" not in page
@@ -128,7 +129,7 @@ def test_measures_of_sway_stand_in_millimetres_with_their_scatter_beside_those_o
 
 def test_a_confidence_interval_stands_in_one_cell():
     numbers = {"delay (s)": 0.2, "delay, from (s)": 0.19, "delay, to (s)": 0.21, "remnant, share of power": 0.232}
-    page = plain(experiment_page("a", "double_step", DOUBLE_STEP, [Row("a", "linear", 1, numbers, "words")], None))
+    page = plain(experiment_page("a", DOUBLE_STEP, [Row("a", "linear", 1, numbers, "words")], None))
     assert "delay (s) 0.200 (0.190 to 0.210)" in page
     assert "remnant, share of power (%) 23.2" in page
 

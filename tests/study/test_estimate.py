@@ -15,7 +15,7 @@ from icmj.cli.main import main
 from icmj.errors import StudyError
 from icmj.simulation.ending import MOST_EVENTS, WINDOW, EventPace
 from icmj.study.estimate import LONGEST, estimate, refuse_long, refuse_trials
-from icmj.study.experiment import conditions_of, kind_of
+from icmj.study.experiment import conditions_of
 
 
 def case(root: Path, duration: float = 20.0, *more: str) -> Case:
@@ -105,7 +105,7 @@ def test_stored_trials_take_no_more_time_and_yes_starts_any(tmp_path, monkeypatc
 def planned(path: Path) -> list[tuple[Case, PlantKind, int]]:
     """All trials of an experiment file."""
     file = load_experiment(path)
-    kind, count = kind_of(file), file.experiment.repetitions
+    kind, count = file.settings, file.experiment.repetitions
     return [(prepare(kind.stimulate(one.run, 1)), one.plant, count) for one in conditions_of(file)]
 
 

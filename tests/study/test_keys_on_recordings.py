@@ -11,7 +11,8 @@ from icmj.errors import DataError, IcmjError, RunFileError
 from icmj.experiments.multisine import StanceChannels
 from icmj.series.series import Series
 from icmj.simulation.disturbance import ternary_lines
-from icmj.study.experiment_file import KINDS, ExperimentFile
+from icmj.study.experiment_file import ExperimentFile
+from icmj.study.kinds import KINDS
 
 OF_THE_STIMULUS = {
     "intersection_point": set(),
@@ -140,7 +141,7 @@ def alike(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> bool:
     return all(np.allclose(one[name], other[name], rtol=1e-9, atol=0, equal_nan=True) for name in one)
 
 
-@pytest.fixture(scope="module", params=sorted(KINDS))
+@pytest.fixture(scope="module", params=sorted(KINDS.names))
 def base(request, tmp_path_factory):
     kind = request.param
     make, table = BASES[kind]
@@ -167,7 +168,7 @@ def test_another_value_of_a_key_gives_another_result_or_is_refused(base):
     assert not without, f"without effect in [{kind}]: {', '.join(without)}"
 
 
-@pytest.mark.parametrize("kind", sorted(KINDS))
+@pytest.mark.parametrize("kind", sorted(KINDS.names))
 def test_every_key_is_one_of_the_stimulus_or_is_tried(kind):
     table = ExperimentFile.model_fields[kind].annotation.__args__[0]
     keys = set(table.model_fields)
