@@ -83,6 +83,7 @@ def example(name: str, *words: str) -> Picture:
 
 def experiment(name: str) -> Picture:
     """The figure of ``icmj experiment NAME``."""
+    kind = icmj.load_experiment(name).kind
 
     def draw(to: Path) -> None:
         icmj_command("experiment", name, "--out", str(WORK / name), "-q")
@@ -90,7 +91,7 @@ def experiment(name: str) -> Picture:
 
     return Picture(
         draw,
-        (f"experiments/{name}.toml", "icmj/report/findings.py", "icmj/report/findings.py", "icmj/report/style.py"),
+        (f"experiments/{name}.toml", f"icmj/study/kinds/{kind}.py", "icmj/report/findings.py", "icmj/report/style.py"),
     )
 
 

@@ -32,6 +32,7 @@ class Shelf:
         works: a program that succeeds if the added thing works.
         refused: a program that succeeds if what is malformed is refused in one line.
         rest: a program that succeeds if the package works without the thing ``sys.argv[1]``.
+        alone: whether no other code holds the name of a thing.
     """
 
     folder: str
@@ -40,6 +41,7 @@ class Shelf:
     works: str
     refused: str
     rest: str
+    alone: bool = False
 
 
 READ_REST = """
@@ -483,7 +485,209 @@ else:
     raise AssertionError(gone)
 """,
 )
-SHELVES = {"formats of recordings": FORMATS, "shapes": SHAPES, "event rules": RULES, "controllers": CONTROLLERS}
+KIND_FILE = '''"""Drift: where an output is on average."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from icmj.base.array import Array, Positive
+from icmj.case.case import Case, PlantKind
+from icmj.experiments.quiet_standing import Recording
+from icmj.report import style
+from icmj.report.experiment import Row
+from icmj.runfile.schema import RunFile
+from icmj.series.series import Series
+from icmj.simulation.simulation import Simulation
+from icmj.study.kind import CaseResult, Kind, Names, Word, sample_rows, set_duration
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class FoundDrift:
+    """Means of trials."""
+
+    means: Array
+
+    @property
+    def numbers(self) -> Mapping[str, float]:
+        return {"mean (rad)": float(self.means.mean())}
+
+    @property
+    def deviations(self) -> Mapping[str, float]:
+        return {}
+
+    @property
+    def curves(self) -> Mapping[str, Array]:
+        return {"mean (rad)": self.means}
+
+    @property
+    def words(self) -> str:
+        return f"It drifts by {self.means.mean():.3g} rad."
+
+
+class DriftTable(Kind):
+    """Drift: the output that is averaged, and for how long."""
+
+    meaning: ClassVar[str] = "Drift: the mean of an output."
+    first_run: ClassVar[str] = "simple-0.8"
+
+    duration: Positive = 1.0
+    """Duration of a trial [s]."""
+    output: Word
+    """Output that is averaged."""
+
+    @classmethod
+    def first_values(cls, names: Names, shipped: bool) -> dict[str, Any]:
+        return {"output": names.outputs[0]}
+
+    def stimulate(self, run: RunFile, seed: int) -> RunFile:
+        return set_duration(run, self.duration, 100.0)
+
+    def recorded(self, case: Case, simulation: Simulation) -> Series:
+        return sample_rows(simulation.to_series().chosen([f"y.{self.output}"]), simulation, 100.0)
+
+    def read(self, series: Series) -> Series:
+        return series.chosen([self.output])
+
+    def analyse(
+        self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
+    ) -> FoundDrift:
+        return FoundDrift(np.array([one.series.values.mean() for one in recordings]))
+
+    def draw_figure(self, found: Sequence[CaseResult]) -> Figure:
+        figure, (axes,) = style.new_figure()
+        axes.plot([one.finding.numbers["mean (rad)"] for one in found if one.finding], "o")
+        return figure
+
+    def caption(self, rows: Sequence[Row]) -> str:
+        return "Means of the cases."
+
+    def methods(self, recorded: bool) -> str:
+        return f"The mean is over {self.duration:g} s."
+
+
+KIND = DriftTable
+'''
+FILE_OF = """
+import contextlib, io, sys, icmj
+from pathlib import Path
+from icmj.cli.main import main
+from icmj.errors import IcmjError
+from icmj.study.file_kinds import json_schema
+from icmj.study.kinds import KINDS
+head = '[experiment]\\nname = "e"\\nplants = ["linear"]\\nrepetitions = 2\\n[[case]]\\nrun = "simple-0.8"\\n'
+def write(table):
+    Path("e.toml").write_text(head + table)
+    return "e.toml"
+def says(*words):
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.suppress(SystemExit):
+        assert main([*words]) == 0
+    return out.getvalue()
+def refuses(words, call, *arguments, **options):
+    try:
+        call(*arguments, **options)
+    except IcmjError as error:
+        assert words in str(error) and "\\n" not in str(error), error
+    else:
+        raise AssertionError(words)
+"""
+KINDS = Shelf(
+    "study/kinds",
+    "drift",
+    KIND_FILE,
+    FILE_OF
+    + f"""
+import json
+import numpy as np
+table = 'output = "angle"\\nduration = 0.5\\n'
+done = icmj.run_experiment(write("[drift]\\n" + table), "out", jobs=1)
+found, trial = done["simple-0.8.linear"], icmj.read_series("out/trials/simple-0.8.linear.0001.parquet")
+assert found.finding.numbers["mean (rad)"] == np.mean(trial.values) != 0
+page = Path("out/report.html").read_text().replace("\\xa0", " ")
+assert all(words in page for words in ("It drifts by", "Means of the cases.", "The mean is over 0.5 s."))
+assert "drift" in says("new", "--help")
+entry = json_schema("experiment")
+assert entry["properties"]["drift"]["description"] == "Drift: the mean of an output."
+assert entry["$defs"]["DriftTable"]["properties"]["output"]["description"] == "Output that is averaged."
+says("new", "experiment", "--stimulus", "drift", "--out", "first.toml")
+first = Path("first.toml").read_text()
+assert "Its kind is drift" in first and "# Duration of a trial [s].\\n# duration = 1.0" in first
+assert icmj.load_experiment("first.toml").kind == "drift"
+# the same as a file of the user's own: in this process, and in others
+Path("mine.py").write_text({KIND_FILE!r})
+write('["mine:DriftTable"]\\n' + table)
+refuses("e.toml: mine:DriftTable names Python code, which is not run unasked", icmj.load_experiment, "e.toml")
+own = icmj.load_experiment("e.toml", allow_code=True)
+assert own.kind == "mine:DriftTable"
+for jobs in (1, 2):
+    again = icmj.run_experiment(own, f"own-{{jobs}}", jobs=jobs)["simple-0.8.linear"]
+    assert again.finding.numbers == found.finding.numbers and again.words == found.words
+assert Path("own-2/report.html").read_text() == Path("out/report.html").read_text()
+files = sorted(Path("own-1/trials").glob("*1.parquet"))
+Path("e.toml").write_text(Path("e.toml").read_text().replace("angle", "y.angle"))
+read = icmj.analyse_recordings(icmj.load_experiment("e.toml", allow_code=True), files)
+assert read.found[0].finding.numbers["mean (rad)"] == np.mean(trial.values)
+""",
+    FILE_OF
+    + f"""
+for table, words in (
+    ("[drift]\\n", "drift.output is missing"),
+    ('[drift]\\noutput = "angle"\\nduration = -1.0', "drift.duration: must be greater than 0"),
+    ("[drifts]\\n", "did you mean drift?"),
+):
+    refuses(words, icmj.load_experiment, write(table))
+text = {KIND_FILE!r}
+half = text[:text.index("    def draw_figure")] + text[text.index("    def caption"):]
+Path("half.py").write_text(half)
+Path("bad.py").write_text(text.replace("FoundDrift(np.array(", "FoundDrift(np.no_such_thing("))
+for table, words in (
+    ('["half:DriftTable"]\\noutput = "angle"', "half:DriftTable: a kind of experiment needs draw_figure"),
+    ('["bad:FoundDrift"]\\n', "bad:FoundDrift: expected a class that inherits from icmj.study.Kind"),
+    ('["bad:DriftTable"]\\n', "bad:DriftTable.output is missing"),
+    ('["none:DriftTable"]\\n', "none:DriftTable: importing it fails (ModuleNotFoundError"),
+):
+    refuses(words, icmj.load_experiment, write(table), allow_code=True)
+file = icmj.load_experiment(write('["bad:DriftTable"]\\noutput = "angle"\\nduration = 0.5'), allow_code=True)
+(told,) = icmj.run_experiment(file, jobs=1).found
+assert told.words.startswith("no conclusion, because bad:DriftTable fails (AttributeError:"), told.words
+""",
+    FILE_OF
+    + """
+from icmj.study.experiment_file import ExperimentFile
+from icmj.work.own_code import EXPERIMENTS
+gone, left = sys.argv[1], KINDS.names
+assert gone not in says("new", "--help") and gone not in str(json_schema("experiment"))
+refuses(f"{gone}: no such key", icmj.load_experiment, write(f"[{gone}]\\n"))
+refused = []
+for name in EXPERIMENTS.files:
+    try:
+        assert icmj.load_experiment(name).kind in left
+    except IcmjError as error:
+        assert gone in str(error), error
+        refused.append(name)
+assert len(refused) < len(EXPERIMENTS.files) - 2
+for name in left:
+    says("new", "experiment", "simple-0.8", "--stimulus", name, "--out", f"{gone}-{name}.toml")
+    assert icmj.load_experiment(f"{gone}-{name}.toml").kind == name
+other = "[quiet_standing]\\nduration = 3.0\\nsettle = 0.0"
+if not other.startswith(f"[{left[0]}]"):
+    other = '[multisine]\\ninput = "torque"\\namplitude = 1.0\\nperiod = 1.0\\nlines = [1.0, 2.0]\\nperiods = 2'
+(told,) = icmj.run_experiment(write(other), f"out-{gone}", jobs=1).found
+assert told.finding is not None, told.words
+""",
+    alone=True,
+)
+SHELVES = {
+    "formats of recordings": FORMATS, "shapes": SHAPES, "event rules": RULES, "controllers": CONTROLLERS,
+    "kinds of experiments": KINDS,
+}  # fmt: skip
 
 
 @contextmanager

@@ -34,3 +34,12 @@ def test_the_list_names_every_file_of_a_shelf_and_nobody_else_imports_one(title,
             if isinstance(node, ast.ImportFrom):
                 given = [str(node.module), *(f"{node.module}.{alias.name}" for alias in node.names)]
             assert not {f"{package}.{name}" for name in names} & set(given), path
+
+
+@pytest.mark.parametrize("title", [title for title, shelf in additions.SHELVES.items() if shelf.alone])
+def test_the_list_alone_has_the_names_of_a_shelf(title, root):
+    shelf = additions.SHELVES[title]
+    names, entries = set(additions.names_of(shelf)), root / "icmj" / shelf.folder / "__init__.py"
+    for path in {*(root / "icmj").rglob("*.py")} - {entries}:
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        assert not names & {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}, path
