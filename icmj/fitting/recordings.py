@@ -31,6 +31,7 @@ from icmj.errors import DataError, FitError
 from icmj.fitting.family import DURATION, RATE
 from icmj.measurement import sway
 from icmj.series.even_rows import even_series, expect_rate
+from icmj.series.plausibility import STUCK, doubt, longest_still
 from icmj.series.reading import read_series
 from icmj.series.series import EVEN, Series
 from icmj.series.units import factor_of
@@ -135,7 +136,6 @@ NAMES = ("ap", "cop_ap", "copap", "cop.ap", "copx", "cop_x", "cop")
 INFO = "BDSinfo.txt"
 _SLOWEST = 40.0  # Hz: below this rate the fast measures are those of the interpolation
 _LARGEST, _SMALLEST = 0.05, 1e-4  # m, RMS of a person who stands
-_STUCK = 0.5  # s of one value
 MOST = 10_000
 """Recordings that a table may list, and trials that they may hold: those of so many take half a gigabyte."""
 _MOST_BYTES = 10_000_000  # of a table
@@ -212,7 +212,8 @@ def trials_of(series: Series, column: str, *, unit: str | None = None) -> tuple[
     if own < _SLOWEST * (1 - EVEN):
         raise FitError(f"{name}: {own:.3g} rows a second; expected at least {_SLOWEST:g}, better {RATE:g}")
     _see_it_stands(name, known, t, x, 1 / own)
-    notes = [even.facts[key] for key in ("load", "cut", "ends") if key in even.facts]
+    facts = doubt(even).facts
+    notes = [facts[key] for key in ("load", "cut", "ends", "odd") if key in facts]
     if abs(own - RATE) > EVEN * RATE:
         notes.append(f"resampled from {own:.4g} to {RATE:g} Hz")
         x = even_series(even, RATE).values[:, 0] * metre
@@ -344,17 +345,12 @@ def _refuse_short(name: str, duration: float, least: float = LEAST) -> None:
 
 def _see_it_stands(name: str, unit: str, t: Array, x: Array, step: float) -> None:
     """See that this is the sway of a person who stands, in its unit."""
-    changes = np.flatnonzero(np.diff(x) != 0)
-    edges = np.concatenate([[-1], changes, [len(x) - 1]])
-    at = int(np.argmax(np.diff(edges)))
-    longest = step * float(edges[at + 1] - edges[at] - 1)
+    longest, since = longest_still(t, x)
     rms = float(x.std())
     if rms < 1e-9:
         raise FitError(f"{name}: no sway at all; is it the right column?")
-    if longest > _STUCK + EVEN * step:
-        raise FitError(
-            f"{name}: one value for {longest:.2g} s from {t[edges[at] + 1]:.4g} s on, as a filled gap; cut it"
-        )
+    if longest > STUCK + EVEN * step:
+        raise FitError(f"{name}: one value for {longest:.2g} s from {since:.4g} s on, as a filled gap; cut it")
     if rms > _LARGEST:
         raise FitError(
             f"{name}: an RMS of {rms:.3g} m in {unit}; standing people have 1 to 20 mm, so the unit is probably wrong"

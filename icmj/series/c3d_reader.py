@@ -18,13 +18,16 @@ LEAST_LOAD = 20.0
 _LENGTHS, _FORCES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}, {"N": 1.0, "kN": 1e3}
 _MOMENTS = {f"{force}{length}": a * b for force, a in _FORCES.items() for length, b in _LENGTHS.items()}
 _AXES = "xyz"
+_OFF, _BESIDE = 0.1, 0.05
+"""Share of a plate's diagonal that its opposite corners' middles may be apart, and that a centre may lie beside it."""
 
 
 def read(path: str, folder: str) -> dict[str, Any]:
     """Arrays by the number of the group and what they are; see :class:`icmj.series.formats.c3d.Group`.
 
     ``frames`` is the number of frames that were read; ``ends`` are the first and the last one as the group TRIAL has
-    them, in two words each; ``fault`` says why there is no centre of pressure though there are plates, or is empty.
+    them, in two words each; ``fault`` says why there is no centre of pressure though there are plates, or is empty;
+    ``odd`` says what is odd about centres that there are.
 
     Args:
         path: of the file.
@@ -44,6 +47,8 @@ def read(path: str, folder: str) -> dict[str, Any]:
     used = parameters.get("FORCE_PLATFORM", {}).get("USED", {}).get("value", [])
     if len(used) and used[0] != len(plates) and not fault:
         fault = f"{int(used[0])} plates are in use, of which {len(plates)} are described"
+    if crossed := [number for number, plate in enumerate(plates, 1) if _is_crossed(plate["corners"])]:
+        fault, plates = f"the corners of plate {crossed[0]} are not in their order around it", []
     start = float(header["points"]["first_frame"]) / float(header["points"]["frame_rate"] or 1)
     analog_rate = float(header["analogs"]["frame_rate"])
     trial = parameters.get("TRIAL", {})
@@ -69,6 +74,11 @@ def read(path: str, folder: str) -> dict[str, Any]:
         loads[~(loads >= LEAST_LOAD)] = 0.0
         centres = np.array([plate["center_of_pressure"][axes[:2]] for plate in plates])
         centres[np.broadcast_to(loads[:, None] == 0, centres.shape)] = np.nan
+        beside = [
+            _beside(i, c, plate["corners"][axes[:2]])
+            for i, (c, plate) in enumerate(zip(centres, plates, strict=True), 1)
+        ]
+        found["odd"] = np.array("; ".join(filter(None, beside)))
         names = [f"plate{number}.cop.{_AXES[axis]}" for number in range(1, len(plates) + 1) for axis in axes[:2]]
         keep(0 if len(plates) == 1 else 4, names, [unit] * len(names), analog_rate, np.concatenate(centres).T)
         if len(plates) > 1:  # where the ground's force on both feet acts
@@ -131,6 +141,25 @@ def _channel_units(parameters: Any) -> list[str]:
     """Units of the analog channels as the file states them, without blanks and signs of multiplication."""
     stated = parameters["ANALOG"].get("UNITS", {}).get("value", [])
     return [str(unit).translate(str.maketrans("", "", " .*·")) for unit in stated]
+
+
+def _is_crossed(corners: Any) -> bool:
+    """Whether the corners of a plate, on which its axes depend, are not in their order around it."""
+    apart = np.linalg.norm(corners[:, 0] + corners[:, 2] - corners[:, 1] - corners[:, 3])
+    return bool(apart > 2 * _OFF * np.linalg.norm(corners[:, 0] - corners[:, 2]))
+
+
+def _beside(number: int, centre: Any, corners: Any) -> str:
+    """In how many rows the centre of pressure is beside its plate, in words; or nothing."""
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    room = _BESIDE * np.linalg.norm(high - low)
+    out = ((centre < (low - room)[:, None]) | (centre > (high + room)[:, None])).any(axis=0)
+    if not out.any():
+        return ""
+    return (
+        f"plate {number}: the centre of pressure is beside it in {out.sum()} of {len(out)} rows; are units, origin and "
+        "corners right?"
+    )
 
 
 def _plane(corners: Any) -> list[int]:

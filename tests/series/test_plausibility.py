@@ -135,3 +135,53 @@ def test_two_recordings_in_one_log_are_refused(tmp_path):
             read(merged)
     shutil.copy(tmp_path / "simple-0.8.rrd", merged)
     assert icmj.read_log(merged).run.case.name == "simple-0.8"
+
+
+def test_trials_one_below_the_other_and_lost_markers_are_told_once_where_times_go_on(tmp_path, shell):
+    """Two trials of 3.81 and 7.62 whose times go on were one of 11.67, without a word."""
+    first, second = sway(15, seed=1, size=3.81).values[:, 0], sway(15, seed=2, size=7.62).values[:, 0]
+    both = np.concatenate([first, second + 15])
+    series = Series(np.arange(3000) / 100, np.column_stack([both, 0.5 * both]), ("ap", "ml"), ("mm", "mm"))
+    icmj.write_series(series, tmp_path / "both.csv")
+    (note,) = shell.answers(["measure", str(tmp_path / "both.csv"), "--json"])["notices"]
+    assert note.startswith("ap, ml: a jump after 14.99 s, such as no sway makes; are trials one below the other")
+    (trial,) = read_trials(tmp_path / "both.csv", ["ap"])
+    assert any("a jump after 14.99 s" in note for note in trial.notes)
+    near = changed(sway(), slice(700, 750), 0.0)
+    near.values[:700] += 20
+    near.values[750:] += 20
+    assert "ap: a jump after 6.99 s, and 1 later" in told(near)
+
+
+@pytest.mark.parametrize("rate", [25.0, 100.0, 1000.0])
+def test_sway_control_that_jumps_often_steps_of_a_stimulus_and_what_an_event_resets_are_not_doubted(rate):
+    """Brownian motion and white noise, whose steps are Gaussian; jumps in every second; one step of a stimulus."""
+    t = np.arange(round(60 * rate)) / rate
+    for seed in range(5):
+        draw = np.random.default_rng(seed)
+        for x in (np.cumsum(draw.standard_normal(len(t))) / np.sqrt(rate), draw.standard_normal(len(t))):
+            assert told(Series(t, x[:, None], ("ap",), ("mm",))) == ""
+    often, rarely = np.sin(t) + 5 * (np.floor(t) % 2), np.where(t < 30, 0.0, 5.0)
+    assert told(Series(t, np.column_stack([often, rarely]), ("ap", "stimulus"), ("mm", "deg"))) == ""
+    events = np.floor(t / 12)
+    reset = np.column_stack([np.sin(t) + 5 * events, events])
+    assert told(Series(t, reset, ("cop.x", "interval"), ("mm", ""))) == ""
+
+
+@pytest.mark.parametrize("name", ["Fx", "Fz1", "force.z", "plate1.force.x", "GRF_z", "F"])
+def test_a_force_in_a_unit_of_length_is_told(name):
+    series = sway()
+    renamed = Series(series.t, series.values, (name,), ("mm",))
+    assert told(renamed) == f"{name}: a force by its name, and in mm; what is it?"
+    assert told(Series(series.t, series.values, (name,), ("N",))) == ""
+    assert told(Series(series.t, series.values, ("forefoot",), ("mm",))) == ""
+
+
+def test_one_value_between_others_is_told_and_stillness_before_a_push_is_not():
+    filled = sway()
+    filled.values[500:600] = filled.values[500]
+    assert told(filled) == "ap: one value for 0.99 s from 5 s on, as where a gap is filled or a sensor at its end"
+    still = changed(sway(), slice(0, 300), 0.0)
+    still.values[300:] -= still.values[300]
+    assert told(still) == ""
+    assert "less than a force plate sees of who stands" in told(sway(size=4e-3))

@@ -93,7 +93,7 @@ def test_what_was_recorded_before_0_is_measured(tmp_path, shell, kind):
     assert found["coordinates"][0]["mean"] == pytest.approx(1.0, abs=1e-3)
 
 
-def write_plates(path, loads=(700.0,), *, point="mm", moment="Nmm", size=1.0, kind=2):
+def write_plates(path, loads=(700.0,), *, point="mm", moment="Nmm", size=1.0, kind=2, order=(0, 1, 2, 3)):
     """Two points at 100 Hz, and force plates at 1000 Hz whose x is the laboratory's and whose z points down.
 
     Args:
@@ -101,6 +101,7 @@ def write_plates(path, loads=(700.0,), *, point="mm", moment="Nmm", size=1.0, ki
         point, moment: units; "" for none.
         size: of one N mm in the unit of moments.
         kind: type of the last plate.
+        order: in which the corners stand, of which 0, 1, 2, 3 go around the plate.
 
     Returns:
         Points, channels, and centres of pressure in the plates, shape (plates, 2, 4000) [mm].
@@ -131,6 +132,7 @@ def write_plates(path, loads=(700.0,), *, point="mm", moment="Nmm", size=1.0, ki
         whole.set(ezc3d.ezc3d.VecInt(list(numbers)), shape)
         file["parameters"].add_parameter("FORCE_PLATFORM", whole)
     corners = np.array([[300, -200, 0], [-300, -200, 0], [-300, 200, 0], [300, 200, 0]], float)
+    corners = corners[list(order)]
     file.add_parameter(
         "FORCE_PLATFORM", "CORNERS", np.stack([np.add(corners.T, [[700 * i], [0], [0]]) for i in range(M)], -1)
     )
@@ -217,6 +219,25 @@ def test_plates_that_cannot_be_read_are_told_and_no_marker_is_measured_in_their_
         read_series(tmp_path / "a.c3d")
     assert read_series(tmp_path / "a.c3d", columns=["C7.x"]).names == ("C7.x",)
     assert "its force plates cannot be read" in shell.refuses(["measure", str(tmp_path / "a.c3d")])
+
+
+@pytest.mark.parametrize("order", [(0, 2, 1, 3), (0, 1, 3, 2), (1, 0, 2, 3)])
+def test_corners_that_do_not_go_around_their_plate_are_a_fault(order, tmp_path):
+    """The axes of a plate follow from its corners: what sways front to back was somewhere between."""
+    write_plates(tmp_path / "a.c3d", order=order)
+    with pytest.raises(DataError, match=r"cannot be read \(the corners of plate 1 are not in their order around it\)"):
+        read_series(tmp_path / "a.c3d")
+    for around in (np.roll(range(4), 1), np.arange(4)[::-1]):
+        write_plates(tmp_path / "a.c3d", order=around)
+        assert read_series(tmp_path / "a.c3d").names == ("plate1.cop.x", "plate1.cop.y")
+
+
+def test_a_centre_of_pressure_beside_its_plate_is_told(tmp_path, shell):
+    write_plates(tmp_path / "a.c3d", size=100.0)
+    (note,) = shell.answers(["measure", str(tmp_path / "a.c3d"), "--json"])["notices"][:1]
+    assert "plate 1: the centre of pressure is beside it in" in note
+    write_plates(tmp_path / "a.c3d")
+    assert shell.answers(["measure", str(tmp_path / "a.c3d"), "--json"])["notices"] == []
 
 
 def test_points_and_analog_channels_of_c3d_are_read_with_rates_and_units(recording):

@@ -52,6 +52,7 @@ class Group:
         start: of the first row [s].
         values: shape (N, w).
         fault: why there are none of these though there should be; "" if there are.
+        odd: what is odd about them, in words.
     """
 
     kind: str
@@ -61,6 +62,7 @@ class Group:
     start: float
     values: Array
     fault: str = ""
+    odd: str = ""
 
 
 def groups_of(path: Path, longest: float = LONGEST_READ) -> tuple[Group, ...]:
@@ -97,6 +99,7 @@ def groups_of(path: Path, longest: float = LONGEST_READ) -> tuple[Group, ...]:
                     float(data[f"{i} rate"]),
                     float(data[f"{i} start"]),
                     data[f"{i} values"],
+                    odd=data["odd"].item() if "odd" in data and kind in (GROUPS[0], GROUPS[-1]) else "",
                 )
                 for i, kind in enumerate(GROUPS)
                 if f"{i} values" in data.files
@@ -153,7 +156,9 @@ def group_for(groups: Sequence[Group], columns: Sequence[str]) -> Group:
     values = [owner[i].values[:, owner[i].names.index(known[i])] for i in at]
     units = tuple(owner[i].units[owner[i].names.index(known[i])] for i in at)
     first = owner[at[0]]
-    return Group(first.kind, tuple(known[i] for i in at), units, first.rate, first.start, np.column_stack(values))
+    odd = "; ".join(dict.fromkeys(owner[i].odd for i in at if owner[i].odd))
+    names = tuple(known[i] for i in at)
+    return Group(first.kind, names, units, first.rate, first.start, np.column_stack(values), odd=odd)
 
 
 def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
@@ -163,7 +168,7 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
         raise DataError(f"{group.values.size} numbers; expected at most {MOST_NUMBERS / 1e6:g} million")
     t = group.start + np.arange(len(group.values)) / group.rate
     centres = np.array([".cop." in name for name in group.names])
-    load = f"below {LEAST_LOAD:g} N a plate has no centre of pressure"
-    return Series(
-        t, group.values, group.names, group.units, {"load": load} if np.isnan(group.values[:, centres]).any() else {}
-    )
+    facts = {"odd": group.odd} if group.odd else {}
+    if np.isnan(group.values[:, centres]).any():
+        facts["load"] = f"below {LEAST_LOAD:g} N a plate has no centre of pressure"
+    return Series(t, group.values, group.names, group.units, facts)
