@@ -35,6 +35,7 @@ REPORT = [
     *(f"icmj/report/{name}.py" for name in ("sections", "summary", "wording")),
     *(f"icmj/report/{name}.py" for name in ("statements", "experiment", "findings")),
     "icmj/study/fit_page.py",
+    *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "icmj/study/kinds").glob("*.py")),
     *(f"icmj/fitting/{name}.py" for name in ("choice", "posterior", "family")),
 ]
 PRECISE = re.compile(
