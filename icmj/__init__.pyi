@@ -92,8 +92,8 @@ from .study.experiment_file import load_experiment as load_experiment
 from .study.fit import fit as fit
 from .study.study import run_case as run_case
 from .study.study import run_study as run_study
-from .study.sweep import read_sweep as read_sweep
 from .study.sweep import sweep as sweep
+from .study.sweep_folder import read_sweep as read_sweep
 from .theory.error_system import error_system as error_system
 from .theory.prediction import Prediction as Prediction
 from .theory.prediction import predict as predict

@@ -14,7 +14,7 @@ import pytest
 from patience import PATIENCE
 from sweep_cases import GRID, THRESHOLDS, sweep_file
 
-from icmj.work.own_code import MODELS, RUNS
+from icmj.work.shipped import MODELS, RUNS
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -284,7 +284,7 @@ def test_shipped_files_are_found_where_git_makes_no_links(tmp_path: Path, monkey
         (shipped / shelf.kind).write_text(f"../../{shelf.kind}")
         (tmp_path / shelf.kind).symlink_to(ROOT / shelf.kind)
     found = {shelf.kind: set(shelf.files) for shelf in (RUNS, MODELS)}
-    monkeypatch.setattr("icmj.work.own_code.SHIPPED", shipped)
+    monkeypatch.setattr("icmj.work.shipped.SHIPPED", shipped)
     assert found == {shelf.kind: set(shelf.files) for shelf in (RUNS, MODELS)}
     assert "simple-0.8" in found["runs"]
 

@@ -19,7 +19,7 @@ from icmj.plant.body import OperatingKind, OperatingRule, Selection
 from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import key_text, value_text
-from icmj.work.own_code import SHIPPED
+from icmj.work.shipped import SHIPPED
 
 START = 0.02  # [rad or m]: small, and enough to see
 _COLUMN, _MOST, _WIDTH = 32, 12, 110

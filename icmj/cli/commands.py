@@ -29,10 +29,11 @@ if TYPE_CHECKING:
     from icmj.cli.arguments import IdentifyCommand, SweepCommand
     from icmj.cli.terminal import Terminal
     from icmj.fitting.identification import Identification
-    from icmj.fitting.observed import Observed, Unknown
+    from icmj.fitting.observed import Observed
+    from icmj.fitting.unknown import Unknown
     from icmj.runfile.schema import RunFile
+    from icmj.study.page import Page
     from icmj.study.plan import Plan
-    from icmj.study.study import Page
     from icmj.study.sweep import Progress
 
 CROSSINGS = (
@@ -255,7 +256,7 @@ def report(command: arguments.ReportCommand) -> None:
     """Build the report page from logs."""
     from icmj.cycle.branch import branches_among
     from icmj.log.reader import find_logs
-    from icmj.study.study import report as build
+    from icmj.study.page import report as build
     from icmj.work.workers import Workers, processors
 
     swept = [path for path in command.logs if (path / "sweep.json").exists()]
@@ -266,7 +267,7 @@ def report(command: arguments.ReportCommand) -> None:
     with Working(label := "building the report", ERR) as working, Workers(processors()) as workers:
         sweeps = []
         if swept:
-            from icmj.study.sweep import read_sweep
+            from icmj.study.sweep_folder import read_sweep
 
             sweeps = [read_sweep(folder) for folder in swept]
         branches, logs = branches_among(find_logs(others, arguments.RESULTS))
@@ -337,7 +338,7 @@ def person(command: arguments.PersonCommand) -> None:
     """Write a person's model and say what it is."""
     from icmj.engine.plant import shape_to_person
     from icmj.plant.person import Person
-    from icmj.work.own_code import model_file
+    from icmj.work.shipped import model_file
 
     replaceable(command.out)
     measures = Person(command.height, command.mass)
@@ -353,7 +354,7 @@ def linearise(command: arguments.LineariseCommand) -> None:
     from icmj.cli.printing import plain_linearisation, save_plant, show_plant
     from icmj.engine.plant import load_plant
     from icmj.plant.body import OperatingRule, Selection
-    from icmj.work.own_code import model_file
+    from icmj.work.shipped import model_file
 
     if command.out is not None:
         replaceable(command.out)
@@ -439,7 +440,7 @@ def _read(command: IdentifyCommand, path: Path) -> tuple[Unknown, Observed, Plan
 
 def _unknown(command: IdentifyCommand, run: RunFile) -> Unknown:
     from icmj.errors import ModelError
-    from icmj.fitting.observed import Unknown
+    from icmj.fitting.unknown import Unknown
     from icmj.plant.body import Change, What
 
     what, _, of = command.unknown.partition(" ")
@@ -497,7 +498,7 @@ def carry_out_sweep(command: SweepCommand, out: Terminal, err: Terminal) -> None
 
 
 def _cost(plan: Plan, out: Terminal) -> None:
-    from icmj.study.sweep import estimate
+    from icmj.study.sweep_cost import estimate
 
     cost = estimate(plan)
     out.say(f"{cost.points} points in {cost.chunks} chunks of {plan.chunk}")
@@ -515,7 +516,7 @@ def _report_left(plan: Plan, folder: Path, err: Terminal) -> None:
 
 
 def _show(folder: Path, done: Progress, out: Terminal) -> None:
-    from icmj.study.sweep import statuses
+    from icmj.study.sweep_folder import statuses
 
     found: Counter[str] = statuses(folder)
     bad = ", ".join(f"{count} {status}" for status, count in sorted(found.items()) if status != "ok")
@@ -535,7 +536,7 @@ def _show_rows(folder: Path, out: Terminal) -> None:
     """The first points of a sweep, in the columns that matter most."""
     from itertools import islice
 
-    from icmj.study.sweep import Dataset
+    from icmj.study.sweep_folder import Dataset
 
     dataset = Dataset(folder)
     facts = dataset.facts

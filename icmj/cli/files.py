@@ -52,7 +52,7 @@ LISTED = {
 
 def cases(command: CasesCommand) -> None:
     """List what comes with icmj, by name, with title and one sentence each."""
-    from icmj.work.own_code import describe_shipped
+    from icmj.work.shipped import describe_shipped
 
     found = describe_shipped()
     if command.json:
@@ -98,7 +98,7 @@ FILES: dict[str, str] = {
 
 def _new_run(given: Path, command: NewCommand) -> None:
     """A run file for a model, or a copy of a shipped file."""
-    from icmj.work.own_code import EXPERIMENTS, FAMILIES, RUNS, SWEEPS, model_file
+    from icmj.work.shipped import EXPERIMENTS, FAMILIES, RUNS, SWEEPS, model_file
 
     for shelf in (RUNS, SWEEPS, EXPERIMENTS, FAMILIES):
         if (shipped := shelf.meant(given)) != given:
@@ -254,7 +254,7 @@ def _describe_draft(draft: FirstRunFile) -> list[str]:
 def _note_shipped(model: Path) -> list[str]:
     """A note if a shipped case uses this model with other weights."""
     from icmj.runfile.reading import load_run
-    from icmj.work.own_code import RUNS
+    from icmj.work.shipped import RUNS
 
     for name, file in RUNS.files.items():
         run = load_run(file)

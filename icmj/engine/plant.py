@@ -42,7 +42,7 @@ from icmj.plant.linear_plant import LinearPlant, Match, Push, pick, ports
 from icmj.plant.person import Person
 from icmj.plant.quality import Notice, Quality, adrift, idle, notice_omission
 from icmj.simulation.ending import Limit, limits_of
-from icmj.work.own_code import MODELS
+from icmj.work.shipped import MODELS
 
 
 @dataclass(frozen=True, eq=False)

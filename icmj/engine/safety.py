@@ -58,7 +58,7 @@ from icmj.base.process import INTERPRETED
 from icmj.base.text import one_line
 from icmj.errors import ModelError, SimulationError
 from icmj.plant.linear_plant import LinearPlant
-from icmj.work.own_code import MODELS
+from icmj.work.shipped import MODELS
 
 
 @contextmanager

@@ -26,7 +26,9 @@ from icmj.base.blas_threads import limit_to_one_thread
 from icmj.case.case import Case, PlantKind, Theory, expect_rule, simulate
 from icmj.cycle.cycle import find_cycle
 from icmj.errors import IcmjError, IdentificationError
-from icmj.fitting.observed import EXACT, FEWEST, NEAR, SETTLED, SPAN, Observed, Rhythm, Unknown, rhythm
+from icmj.fitting.observed import EXACT, FEWEST, SETTLED, Observed
+from icmj.fitting.rhythm import NEAR, SPAN, Rhythm, rhythm
+from icmj.fitting.unknown import Unknown
 from icmj.simulation.simulation import Simulation
 from icmj.theory.orbit import Orbit
 

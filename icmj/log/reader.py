@@ -38,7 +38,8 @@ from icmj.controller.trigger import RecordedRule
 from icmj.errors import IcmjError, LogError, RunFileError
 from icmj.log import archive
 from icmj.log.writer import ARCHIVE, FORMAT
-from icmj.work.own_code import RUNS, Code
+from icmj.work.own_code import Code
+from icmj.work.shipped import RUNS
 
 LONGEST = 120.0  # s on the clock; a log of a gigabyte takes a few
 SECONDS, BYTES_A_SECOND = 5, 20_000_000  # of processor time; 240 MB take one second

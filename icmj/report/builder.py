@@ -17,22 +17,12 @@ from icmj.case.result import Result, has_prediction
 from icmj.case.sweep_table import SweepTable
 from icmj.errors import ReportError
 from icmj.report import sections, style
-from icmj.report.drawing import (
-    Drawing,
-    draw_case,
-    join_scripts,
-    law_of,
-    moving,
-    noise_of,
-    panels_of,
-    picture,
-    save,
-    script,
-)
+from icmj.report.drawing import Drawing, draw_case, law_of, noise_of, panels_of, picture, save
 from icmj.report.figures import Rival, paths_figure, rivals, spectra_figure
+from icmj.report.notation import SYMBOLS, notation, unbroken
+from icmj.report.player import join_scripts, moving, script
 from icmj.report.sections import DrawnPanel, Picture, Section, count_figures
 from icmj.report.statements import in_paper_order
-from icmj.report.style import SYMBOLS, notation, unbroken
 from icmj.report.summary import overview_figure
 from icmj.report.wording import CaseRuns, describe_sway, pair
 

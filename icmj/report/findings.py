@@ -19,7 +19,7 @@ from icmj.experiments.refractoriness import Refractoriness
 from icmj.measurement.statistics import cut_windows, hann
 from icmj.report import style
 from icmj.report.figures import COLOURS
-from icmj.report.style import symbol
+from icmj.report.notation import symbol
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

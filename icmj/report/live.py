@@ -32,7 +32,7 @@ from icmj.engine.pose import chain_of
 from icmj.engine.schedule import fastest_rate
 from icmj.errors import AnalysisError, ReportError
 from icmj.plant.linear_plant import LinearPlant
-from icmj.report.drawing import chain_body, join_scripts, links_of, script
+from icmj.report.player import chain_body, join_scripts, links_of, script
 from icmj.simulation.disturbance import Disturbance, acting_on, terms_of
 from icmj.simulation.ending import limits_of
 from icmj.simulation.settings import Gridded, Noise, Placed, Settings, plant_start

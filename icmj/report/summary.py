@@ -22,8 +22,9 @@ from icmj.experiments.quiet_standing import YOUNG_PEOPLE
 from icmj.measurement.statistics import Estimate
 from icmj.measurement.sway import MEASURES
 from icmj.report import style
+from icmj.report.notation import unbroken
 from icmj.report.statements import STATEMENTS, Verdict, verdicts_on_results
-from icmj.report.style import NAME, unbroken
+from icmj.report.style import NAME
 from icmj.report.wording import CaseRuns, Picture, Section, judge_run, notice_in_words, verdicts
 
 if TYPE_CHECKING:

@@ -31,7 +31,8 @@ from icmj.errors import ReportError
 from icmj.measurement.measurement import Measurement
 from icmj.plant.linear_plant import LinearPlant
 from icmj.report import style
-from icmj.report.style import NAME, symbol
+from icmj.report.notation import symbol
+from icmj.report.style import NAME
 from icmj.theory.prediction import Prediction
 
 if TYPE_CHECKING:

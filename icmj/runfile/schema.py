@@ -37,7 +37,8 @@ from icmj.runfile.run_tables import SimulationTable, StudyTable
 from icmj.runfile.shapes import SHAPES
 from icmj.runfile.table import CHOICE, Line, Name, TomlTable, in_words, kind_of, one_of, tag_of
 from icmj.runfile.target import TargetTable, find_files
-from icmj.work.own_code import MODELS, Code
+from icmj.work.own_code import Code
+from icmj.work.shipped import MODELS
 
 CONTROLLER_TABLES = (Control, *(table for tables in CONTROLLERS.collect("TABLES") for table in tables))
 

@@ -28,7 +28,7 @@ from icmj.plant.body import What
 from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import Line, Name, TomlTable, read_meanings
-from icmj.work.own_code import FAMILIES, SWEEPS
+from icmj.work.shipped import FAMILIES, SWEEPS
 
 MOST_POINTS = 10**9
 RESERVED = (

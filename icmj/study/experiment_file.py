@@ -15,7 +15,8 @@ from icmj.runfile.schema import RunFile
 from icmj.runfile.table import Interval, Line, Name, TomlTable
 from icmj.study.kind import Kind, find_kind
 from icmj.study.kinds import KINDS
-from icmj.work.own_code import EXPERIMENTS, REFERENCE, Code
+from icmj.work.own_code import REFERENCE, Code
+from icmj.work.shipped import EXPERIMENTS
 
 MOST_TRIALS = 100_000
 

@@ -30,18 +30,13 @@ from icmj.base.npz import read_npz
 from icmj.base.text import one_line
 from icmj.errors import FitError, IcmjError
 from icmj.fitting.bank import Bank, simulate_bank
-from icmj.fitting.choice import Choice, Confusion, Difference, compare, confusion, train_choice
+from icmj.fitting.calibration import Calibration, calibrate
+from icmj.fitting.choice import Choice, Confusion, confusion, train_choice
 from icmj.fitting.family import RATE, Family, load_family
-from icmj.fitting.network import Misfit
-from icmj.fitting.posterior import (
-    MEMBERS,
-    Calibration,
-    Posterior,
-    Predictive,
-    calibrate,
-    check_prediction,
-    train_posterior,
-)
+from icmj.fitting.groups import Difference, compare
+from icmj.fitting.misfit import Misfit
+from icmj.fitting.posterior import MEMBERS, Posterior, train_posterior
+from icmj.fitting.prediction_check import Predictive, check_prediction
 from icmj.fitting.recordings import MEASURES, SUMMARIES, measures, summarise
 from icmj.work.folder import SUMS, Folder
 

@@ -23,12 +23,13 @@ from icmj.base.numbers import number as number_of
 from icmj.case.quantity import in_unit
 from icmj.errors import FitError
 from icmj.experiments.quiet_standing import YOUNG_PEOPLE
-from icmj.fitting.choice import AT_ONCE, ORIGIN, TRIED, Difference, say_probability
+from icmj.fitting.arviz_file import write_archive
+from icmj.fitting.choice import AT_ONCE, ORIGIN, TRIED, say_probability
 from icmj.fitting.choice import CAVEAT as CHOICE
 from icmj.fitting.family import DELAY, RATE, Prior
+from icmj.fitting.groups import Difference
 from icmj.fitting.posterior import CALIBRATION_CAVEAT as VERDICT
 from icmj.fitting.posterior import PREDICTION_CAVEAT as PREDICTION
-from icmj.fitting.posterior import write_archive
 from icmj.fitting.recordings import MEASURE_UNITS, MEASURES, measures, summarise
 from icmj.measurement.sway import MEASURES as OF_SWAY
 from icmj.report import style
@@ -41,8 +42,8 @@ from icmj.report.findings import (
     posterior_figure,
     sway_figure,
 )
+from icmj.report.notation import symbol
 from icmj.report.sections import Picture, Section
-from icmj.report.style import symbol
 from icmj.study.fit import PREDICTED, FamilyFit, Fit, Subject, TrainedFamily, simulate_member
 
 if TYPE_CHECKING:

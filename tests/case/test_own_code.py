@@ -15,7 +15,8 @@ from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.trigger import RecordedRule
 from icmj.errors import AnalysisError, ModelError, RunFileError
 from icmj.log.reader import read_log, read_summary
-from icmj.work.own_code import RUNS, Code, digest_of, reference_of
+from icmj.work.own_code import Code, digest_of, reference_of
+from icmj.work.shipped import RUNS
 
 RULES = '''
 """Rules of somebody's own."""

@@ -10,7 +10,7 @@ from icmj.cli.arguments import FitCommand
 from icmj.cli.files import people_of
 from icmj.errors import FitError
 from icmj.fitting.recordings import MOST, TrialOf
-from icmj.work.own_code import FAMILIES
+from icmj.work.shipped import FAMILIES
 
 
 @pytest.fixture

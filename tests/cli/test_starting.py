@@ -18,7 +18,7 @@ from icmj.fitting.bank import simulate_bank
 from icmj.runfile.sweep_tables import FamilyFile, SweepFile, docstrings, load_family_file, load_sweep
 from icmj.study.experiment_file import ExperimentFile, load_experiment
 from icmj.study.first_file import table_of
-from icmj.work.own_code import EXPERIMENTS, FAMILIES, RUNS, SWEEPS
+from icmj.work.shipped import EXPERIMENTS, FAMILIES, RUNS, SWEEPS
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,7 @@ from benchmarks.__main__ import show_compared, show_measured
 from benchmarks.row import Row
 from icmj.cli.printing import show_comparisons
 from icmj.cli.terminal import Column, Terminal, show_table
-from icmj.work.own_code import RUNS
+from icmj.work.shipped import RUNS
 
 
 def shown(show, *content, width=None):

@@ -21,7 +21,8 @@ from icmj.cli.main import main
 from icmj.errors import ReportError, SweepError
 from icmj.report.builder import build_report
 from icmj.study.plan import Plan
-from icmj.study.sweep import carry_out, make_plan, read_sweep, resume_sweep, statuses
+from icmj.study.sweep import carry_out, make_plan
+from icmj.study.sweep_folder import read_sweep, resume_sweep, statuses
 
 CRIT = "predicted_delta_crit"
 VICTIM = "somebody's file\n"

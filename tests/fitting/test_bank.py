@@ -15,7 +15,7 @@ from icmj.fitting.bank import DRAWS, read_bank, simulate_bank
 from icmj.fitting.family import WARM_UP, load_family
 from icmj.fitting.recordings import SUMMARIES, measures
 from icmj.simulation.settings import reseed
-from icmj.work.own_code import FAMILIES
+from icmj.work.shipped import FAMILIES
 
 
 def same(one, other):

@@ -15,8 +15,9 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 
 from icmj.errors import FitError
-from icmj.fitting.network import SeenSummaries
-from icmj.fitting.posterior import Posterior, calibrate, effective, train_posterior
+from icmj.fitting.calibration import calibrate
+from icmj.fitting.misfit import SeenSummaries
+from icmj.fitting.posterior import Posterior, effective, train_posterior
 from icmj.work.folder import Folder
 
 NAMES, SUMMARIES = ("gain", "noise", "idle"), tuple("abcde")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from icmj.errors import FitError
-from icmj.fitting.network import SeenSummaries
+from icmj.fitting.misfit import SeenSummaries
 
 NAMES = ("size", "speed", "share 1", "share 2")
 

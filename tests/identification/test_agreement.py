@@ -13,7 +13,8 @@ import icmj
 from icmj.cli.main import main
 from icmj.errors import IdentificationError
 from icmj.fitting.identification import LEVEL, Identification, Inverse, identify
-from icmj.fitting.observed import Observed, Unknown
+from icmj.fitting.observed import Observed
+from icmj.fitting.unknown import Unknown
 
 PENDULUM = icmj.load_run("simple-0.8")
 BLIND = Unknown(PENDULUM.with_(**{"actual.gain": None}))

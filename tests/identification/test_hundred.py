@@ -7,7 +7,8 @@ import pytest
 
 import icmj
 from icmj.fitting.identification import Inverse, identify
-from icmj.fitting.observed import Observed, Unknown
+from icmj.fitting.observed import Observed
+from icmj.fitting.unknown import Unknown
 
 PENDULUM = icmj.load_run("simple-0.8")
 # what the code under test is given: nothing of b

@@ -9,7 +9,9 @@ from terminal_cases import told
 import icmj
 from icmj.errors import IcmjError
 from icmj.fitting.identification import Inverse, identify
-from icmj.fitting.observed import Observed, Rhythm, Unknown
+from icmj.fitting.observed import Observed
+from icmj.fitting.rhythm import Rhythm
+from icmj.fitting.unknown import Unknown
 
 PENDULUM = icmj.load_run("simple-0.8")
 # what the code under test is given: nothing of b

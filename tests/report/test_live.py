@@ -15,7 +15,7 @@ from icmj.cli.main import main
 from icmj.engine.pose import chain_of
 from icmj.errors import ReportError
 from icmj.report import live
-from icmj.report.drawing import join_scripts, script
+from icmj.report.player import join_scripts, script
 
 HERE = Path(__file__).parent
 RUN = (HERE / "live_loop.js").read_text(encoding="utf-8")

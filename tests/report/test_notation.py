@@ -3,7 +3,7 @@
 import pytest
 from markupsafe import Markup
 
-from icmj.report.style import SYMBOLS, notation, symbol, unbroken
+from icmj.report.notation import SYMBOLS, notation, symbol, unbroken
 
 
 def explained(letter: str, index: str) -> str:

@@ -14,7 +14,7 @@ from report_browser import CHROMIUM, chromium
 
 from icmj import build_report, parse_run, read_log, write_log
 from icmj.log.figure import read_scene
-from icmj.report.drawing import moving, script
+from icmj.report.player import moving, script
 from icmj.simulation.scene import Scene
 
 SEEN = '"\'><img src=x onerror="window.hit=1"><script>window.hit=1</script><!--</script>&amp;\x1b[31m$x_{$'
@@ -111,7 +111,7 @@ def test_a_run_that_diverged_is_played_up_to_there(person):
 
 def test_every_shape_is_as_large_as_its_geom(person):
     """Widths along the axes of a geom's own frame, of the points with their ball."""
-    from icmj.report.drawing import _outline
+    from icmj.report.player import _outline
 
     for geom in person.scene.geoms:
         if geom.type == "plane":

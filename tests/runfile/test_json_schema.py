@@ -9,7 +9,7 @@ import pytest
 from icmj.cli.main import main
 from icmj.runfile.sweep_tables import SCHEMA_VERSION
 from icmj.study.file_kinds import json_schema
-from icmj.work.own_code import FAMILIES, RUNS, SWEEPS
+from icmj.work.shipped import FAMILIES, RUNS, SWEEPS
 
 
 def tables(schema: dict[str, Any], entry: dict[str, Any]) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ from icmj.cli.main import main
 from icmj.errors import ModelError, RunFileError
 from icmj.runfile.reading import load_run, parse_run
 from icmj.study.study import find_runs
-from icmj.work.own_code import MODELS, RUNS, Shelf, model_file
+from icmj.work.shipped import MODELS, RUNS, Shelf, model_file
 
 
 @pytest.fixture(autouse=True)

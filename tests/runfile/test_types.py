@@ -20,7 +20,7 @@ from icmj.runfile.schema import RunFile, to_toml
 from icmj.runfile.sweep_tables import FamilyFile, SweepFile, load_family_file, load_sweep
 from icmj.study.experiment_file import ExperimentFile, load_experiment
 from icmj.study.file_kinds import json_schema
-from icmj.work.own_code import EXPERIMENTS, FAMILIES, RUNS, SWEEPS
+from icmj.work.shipped import EXPERIMENTS, FAMILIES, RUNS, SWEEPS
 
 ROOT = Path(__file__).resolve().parents[2]
 SCHEMAS: dict[str, type[BaseModel]] = {

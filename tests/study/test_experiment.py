@@ -16,7 +16,7 @@ from icmj.errors import DataError, IcmjError, RunFileError, StudyError
 from icmj.runfile.reading import parse_toml
 from icmj.study.experiment import resume_experiment
 from icmj.study.experiment_file import ExperimentFile
-from icmj.work.own_code import EXPERIMENTS
+from icmj.work.shipped import EXPERIMENTS
 
 TEXT = """
 [experiment]

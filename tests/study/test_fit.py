@@ -16,7 +16,7 @@ from icmj.fitting import choice, network, posterior
 from icmj.fitting import posterior as calibration
 from icmj.fitting.bank import Bank
 from icmj.fitting.family import Prior, load_family
-from icmj.fitting.network import SeenSummaries
+from icmj.fitting.misfit import SeenSummaries
 from icmj.fitting.recordings import SUMMARIES, summarise
 from icmj.runfile.sweep_tables import ParameterTable, PriorTable
 from icmj.study import fit as families_module

@@ -22,7 +22,8 @@ from icmj.report.maps import label
 from icmj.runfile.sweep_tables import load_sweep
 from icmj.study.chunk import ChunkResult, compute
 from icmj.study.plan import Plan
-from icmj.study.sweep import carry_out, make_plan, read_table, resume_sweep, try_plan
+from icmj.study.sweep import carry_out, make_plan, try_plan
+from icmj.study.sweep_folder import read_table, resume_sweep
 
 KILLS = 8
 
