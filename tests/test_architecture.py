@@ -208,6 +208,7 @@ def test_what_is_on_disk_is_read_in_one_way() -> None:
             "report.drawing",
             "log.figure",
             "series.formats.c3d",
+            "study.sweep",
             "study.sweep_folder",
         ),  # what they just wrote
         *("series.formats.parquet",),
