@@ -29,6 +29,12 @@ def test_rows_change_no_bit_of_a_motion_under_sinusoids(seed):
     assert check("rows", seed, "linear") == ""
 
 
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_the_last_row_of_a_fall_changes_a_spectrum_by_its_share(plant):
+    """The motion falls within a few rows, which a window that moves by one weighs otherwise."""
+    assert check("rows", 250000015, plant) == ""
+
+
 @pytest.mark.parametrize("seed", [1214, 1220])
 def test_integrators_that_nothing_reads_are_neutral_in_any_coordinates(seed):
     assert check("coordinates", seed, "linear") == ""
