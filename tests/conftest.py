@@ -4,6 +4,7 @@ import contextlib
 import gc
 import os
 import signal
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -29,9 +30,10 @@ settings.load_profile("busy")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("icmj", "how long to look for faults, and how far")
-    group.addoption("--kills", type=int, default=12, help="signals sent to runs and studies at random moments")
+    group.addoption("--kills", type=int, default=6, help="signals sent to runs and studies at random moments")
     group.addoption("--mutants", type=int, default=0, help="mutants of each kind; 0: for a fixed time")
     group.addoption("--from-nothing", action="store_true", help="install the wheel with all it needs; the whole study")
+    group.addoption("--every", type=int, default=1, help="of the cases of one parametrised test, run every so many")
     group.addoption("--study", type=Path, default=None, help="folder of a study that icmj made; otherwise one is made")
     group.addoption("--all", action="store_true", help="run the long tests, too")
     group.addoption("--seed", type=int, default=None, help="of random faults; one is drawn and printed by default")
@@ -54,6 +56,15 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         long = [item for item in items if item.get_closest_marker("slow")]
         config.hook.pytest_deselected(items=long)
         items[:] = [item for item in items if item not in set(long)]
+    cases, rest = Counter[str](), []
+    for item in items:
+        test = item.nodeid.partition("[")[0]
+        if cases[test] % config.option.every:
+            rest.append(item)
+        cases[test] += 1
+    if rest:
+        config.hook.pytest_deselected(items=rest)
+        items[:] = [item for item in items if item not in set(rest)]
 
 
 def pytest_collection_finish() -> None:
