@@ -695,7 +695,7 @@ def copied() -> Iterator[Path]:
     """A folder with a copy of the package, and of what it ships."""
     with tempfile.TemporaryDirectory(prefix="icmj-additions-") as folder:
         there = Path(folder)
-        shutil.copytree(ROOT / "icmj", there / "icmj", symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / "icmj", there / "icmj", symlinks=True, ignore=shutil.ignore_patterns("*.nb?", "*.lock"))
         for name in ("models", "runs", "sweeps", "experiments", "families"):
             (there / name).symlink_to(ROOT / name, target_is_directory=True)
         yield there
@@ -708,7 +708,7 @@ def names_of(shelf: Shelf) -> tuple[str, ...]:
 
 
 def execute(place: Path, program: str, *words: str) -> None:
-    """Run a program with the package of a folder, interpreted: nothing of it need be compiled.
+    """Run a program with the package of a folder, interpreted; what was copied has the bytecode of the checkout.
 
     Raises:
         AssertionError: with what it printed, if it fails.

@@ -9,6 +9,7 @@ import argparse
 import functools
 import hashlib
 import io
+import itertools
 import json
 import os
 import random
@@ -19,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -31,11 +33,12 @@ import pyarrow.parquet as pq
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from patience import PATIENCE
 from sweep_cases import GRID, sweep_file
 from terminal_cases import told
 
 SUMS = "SHA256SUMS"
-LONGEST = 60  # s, in which what is missing is simulated again
+LONGEST = PATIENCE  # in which what is missing is simulated again
 Change = Callable[[Path], object]
 
 EXPERIMENT = """
@@ -220,7 +223,13 @@ def json_changes(path: Path) -> Iterator[tuple[str, Change]]:
 
 
 def rows(change: Callable[[pa.Table], pa.Table]) -> Change:
-    return lambda path: pq.write_table(change(pq.read_table(path)), path, compression="zstd")
+    def write(path: Path) -> None:
+        table = change(pq.read_table(path))
+        # without Arrow's own schema beside it, a dictionary is read as the text that it stands for
+        plain = not any(pa.types.is_dictionary(each.type) for each in table.schema)
+        pq.write_table(table, path, compression="zstd", store_schema=plain, dictionary_pagesize_limit=1 << 22)
+
+    return write
 
 
 def column(name: str, values: Callable[[int], pa.Array]) -> Change:
@@ -253,7 +262,7 @@ def many_rows(found: pa.Table) -> pa.Table:
 
 def long_text(found: pa.Table) -> pa.Table:
     """A text of a megabyte in each of two thousand rows, which takes as much room as one."""
-    text = pa.array(["x" * (1 << 20)]).take(pa.array(np.zeros(2000, np.int64)))
+    text = pa.DictionaryArray.from_arrays(pa.array(np.zeros(2000, np.int32)), pa.array(["x" * (1 << 20)]))
     return pa.table({found.column_names[0]: text}).replace_schema_metadata(found.schema.metadata)
 
 
@@ -295,16 +304,21 @@ def arrays(change: Callable[[dict[str, Any]], Mapping[str, Any]]) -> Change:
     return write
 
 
-def huge(path: Path) -> None:
-    """An array whose header says that it has a terabyte, and one that unpacks to two gigabytes."""
-    import zipfile
-
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+@functools.cache
+def unpacking() -> bytes:
+    """An archive of an array whose header says that it has a terabyte, and of one that unpacks to two gigabytes."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as packed:
         head = b"{'descr': '<f8', 'fortran_order': False, 'shape': (125000000000,), }\n"
         packed.writestr("stood.npy", b"\x93NUMPY\1\0" + len(head).to_bytes(2, "little") + head)
         with packed.open("head.npy", "w") as file:
             for _ in range(2000):
                 file.write(bytes(1_000_000))
+    return content.getvalue()
+
+
+def huge(path: Path) -> None:
+    path.write_bytes(unpacking())
 
 
 def heads(**more: Any) -> Change:
@@ -353,14 +367,18 @@ def npz_changes(path: Path) -> Iterator[tuple[str, Change]]:
 INSIDE = {".json": json_changes, ".parquet": table_changes, ".npz": npz_changes}
 
 
-def cases(subject: Subject, most_inside: int, seed: int) -> Iterator[tuple[str, str, Change, bool]]:
-    """File, what is done to it, how, and whether its digest is made to fit: one file of each kind, all its changes."""
+def cases(subject: Subject, most_replaced: int, most_inside: int, seed: int) -> Iterator[tuple[str, str, Change, bool]]:
+    """File, what is done to it, how, and whether its digest is made to fit: one file of each kind, all its changes.
+
+    Of fewer than all replacements, each file has those that come after the last file's, so that all have their turn.
+    """
+    turns = itertools.cycle(REPLACED.items())
     kinds: dict[str, str] = {}
     for name in subject.files:
         of_one = r"(?<=[/-])[\da-f.-]+(?=[./])|-[\da-f]{16}|predictor|event|check-|bank-"
         kinds.setdefault(re.sub(of_one, "", name), name)
     for name in kinds.values():
-        for what, change in REPLACED.items():
+        for what, change in itertools.islice(turns, min(most_replaced, len(REPLACED))):
             yield name, what, change, False
         inside = list(INSIDE.get(Path(name).suffix, lambda _: [])(subject.folder / name))
         random.Random(seed).shuffle(inside)
@@ -382,7 +400,7 @@ def put(subject: Subject, name: str, what: str, change: Change, forged: bool, ta
             reseal(folder)
         begin = time.monotonic()
         outputs, label = [], f"{name}: {what}{', forged' if forged else ''}"
-        signal.alarm(LONGEST)
+        signal.alarm(int(LONGEST))
         try:
             for command in subject.commands:
                 status, lines, out = run(command, folder)
@@ -410,11 +428,17 @@ def late(*_: object) -> None:
     raise AssertionError("it waits")
 
 
-def hunt(kind: str, flips: int, inside: int, seed: int) -> dict[str, Any]:
+def hunt(kind: str, flips: int, replaced: int, inside: int, seed: int) -> dict[str, Any]:
     """Change a folder of one kind in every way; what became of it, and the most memory that was used [MB]."""
     signal.signal(signal.SIGALRM, late)
     hurry()
-    with tempfile.TemporaryDirectory(prefix="icmj-tampering-") as place:
+    with (
+        tempfile.TemporaryDirectory(prefix="icmj-tampering-") as place,
+        tempfile.TemporaryDirectory(prefix="icmj-tampering-") as compiled,
+    ):
+        # what makes the folder and what reads it compile the same networks
+        os.environ["JAX_COMPILATION_CACHE_DIR"] = compiled
+        os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
         # simulating and training take more memory than reading what they left
         subprocess.run([sys.executable, __file__, "--make", kind, place], check=True)
         subject = subject_of(kind, Path(place))
@@ -425,7 +449,7 @@ def hunt(kind: str, flips: int, inside: int, seed: int) -> dict[str, Any]:
         for _ in range(flips):
             name = rng.choice(subject.files)
             put(subject, name, "a bit", flip(rng.randrange(1 << 40)), False, bits, known)
-        for name, what, change, forged in cases(subject, inside, seed):
+        for name, what, change, forged in cases(subject, replaced, inside, seed):
             put(subject, name, what, change, forged, others, known)
     # not ru_maxrss, which begins with what the process had that started this one
     status = Path("/proc/self/status").read_text(encoding="utf-8")
@@ -440,6 +464,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kind", choices=("fit", "sweep", "experiment"), action="append", help="all by default")
     parser.add_argument("--flips", type=int, default=150, help="single bits in each folder")
+    parser.add_argument("--replaced", type=int, default=len(REPLACED), help="files put in the place of each")
     parser.add_argument("--inside", type=int, default=10**6, help="changes with digests that fit, of a file at most")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--bomb", nargs=2, help=argparse.SUPPRESS)
@@ -453,7 +478,8 @@ def main() -> None:
         subject_of(given.make[0], Path(given.make[1]))
         return
     for kind in given.kind or ("fit", "sweep", "experiment"):
-        print(json.dumps({"kind": kind, **hunt(kind, given.flips, given.inside, given.seed)}, indent=1), flush=True)
+        found = hunt(kind, given.flips, given.replaced, given.inside, given.seed)
+        print(json.dumps({"kind": kind, **found}, indent=1), flush=True)
 
 
 if __name__ == "__main__":

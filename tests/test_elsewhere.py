@@ -221,6 +221,7 @@ assert news.value == here["look"](None) == [None, False, False, False, "nt", Tru
 
 
 ONE = ["--set", "simulation.duration=4.0", "--set", "study.growth_points=0", "--set", "study.attractor_starts=0"]
+SHORT = ["--set", "simulation.duration=15.0", "--set", "study.growth_points=2", "--set", "study.attractor_starts=1"]
 
 
 @pytest.mark.slow
@@ -268,7 +269,7 @@ def test_a_study_of_several_cases_and_a_fit_without_what_only_linux_has(tmp_path
     (tmp_path / "sway.csv").write_text("t,cop\n" + rows)
     small = ["--model", "clock", "--simulations", "200", "--draws", "100", "--jobs", "2"]
     commands = [
-        ["study", "three-link-0.9", "simple-exact", "quiet-standing", "--out", "study", "--yes"],
+        ["study", "three-link-0.9", "simple-exact", "quiet-standing", *SHORT, "--out", "study", "--yes"],
         ["fit", "sway.csv", "--columns", "cop", "--unit", "mm", *small, "--out", "fit", "--trained", "families"],
     ]
     well(bare(HURRY + COMMANDS.format(commands=commands), tmp_path))

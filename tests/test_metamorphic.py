@@ -11,9 +11,9 @@ def test_random_runs_obey(rule):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(0, 48, 4))
-def test_many_random_runs_obey(first):
-    tally = hunt(range(first, first + 4))
+@pytest.mark.parametrize("first", range(0, 12, 3))
+def test_more_random_runs_obey(first):
+    tally = hunt(range(first, first + 3))
     assert not tally.failures
     assert sum(tally.obeyed.values()) > sum(tally.refused.values())
 

@@ -109,7 +109,7 @@ def condition(case: Drawn) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("least", [pytest.param(20, marks=pytest.mark.kernels), 200])
+@pytest.mark.parametrize("least", [pytest.param(20, marks=pytest.mark.kernels), 60])
 def test_random_chains_have_the_same_intervals_whatever_steps_them(tmp_path: Path, least: int) -> None:
     compared = 0
     for seed in range(CHAINS):

@@ -19,7 +19,7 @@ from icmj import RunFile, parse_run
 from icmj.cli.main import main
 from icmj.errors import RunFileError
 
-SECONDS = 5.0  # of each kind
+SECONDS = 3.0  # of each kind
 
 
 @pytest.mark.slow
@@ -125,6 +125,7 @@ CORPUS = (
 def test_the_corpus(more, root, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     text = RUN.format(root=root) + more + ("" if "[study]" in more else "\n[study]\ngrowth_points = 0")
+    text += "" if "[simulation]" in more else "\n[simulation]\nduration = 10.0"
     (tmp_path / "a.toml").write_text(text, encoding="utf-8")
     for command in (
         ["analyse", "a.toml", "--json"],

@@ -7,14 +7,15 @@ import sys
 import pytest
 from fault_cases import ROOT
 
-FLIPS = 25  # of single bits; ``python -m tests.tampering`` hunts for longer
+FLIPS, REPLACED, INSIDE = 12, 4, 2  # bits, and changes of each file; ``python -m tests.tampering`` hunts for longer
 MOST = 1500.0  # MB, of the process that reads them all, one after the other
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "least"), [("fit", 60), ("sweep", 20), ("experiment", 40)])
+@pytest.mark.parametrize(("kind", "least"), [("fit", 50), ("sweep", 15), ("experiment", 30)])
 def test_what_was_changed_is_refused_in_one_line_or_changes_nothing(kind: str, least: int) -> None:
-    command = [sys.executable, "-m", "tests.tampering", "--kind", kind, "--flips", str(FLIPS), "--inside", "2"]
+    draws = ["--flips", str(FLIPS), "--replaced", str(REPLACED), "--inside", str(INSIDE)]
+    command = [sys.executable, "-m", "tests.tampering", "--kind", kind, *draws]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
     found = json.loads(done.stdout[done.stdout.index("{") :])

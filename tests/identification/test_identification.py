@@ -107,12 +107,12 @@ def test_a_motion_that_begins_far_from_its_cycle_is_explained_by_its_later_event
 def test_intervals_cover_where_cycles_attract_slowly() -> None:
     """Multipliers of 0.83 to 0.99: times rounded to a millisecond, without a known start."""
     held, widths = [], []
-    for b in np.random.default_rng(6).uniform(0.477, 0.53, 10):
+    for b in np.random.default_rng(6).uniform(0.477, 0.53, 5):
         seen = Observed.of_times(np.round(motion(float(b)).events.t[5:], 3))
         found = identify(replace(BLIND, low=0.4, high=0.7), seen, known=LOW)
         held.append(found.holds(float(b)))
         widths += [high - low for low, high in found.intervals]
-    assert sum(held) >= 8
+    assert sum(held) >= 4
     assert np.median(widths) < 1e-4
 
 

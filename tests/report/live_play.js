@@ -35,7 +35,7 @@ if (L.model.table) {
   found.moved.fired = loop.fired - before[0];
   found.mirrored = start({ q: L.model.q, b: 1.1 }, 20);
   found.exact = start({ b: 1 }, 4);
-  found.coexisting = [[1.28, 0], [1.29, 0], [1.3, 0], [0.74, 0.1], [0.75, 0.1], [1.18, 0.1], [1.21, 0.1]].map(([b, delay]) => start({ b, delay }, 60));
+  found.coexisting = [[1.28, 0], [1.3, 0], [0.75, 0.1], [1.21, 0.1]].map(([b, delay]) => start({ b, delay }, 60));
   found.chosen = [[1.29, 0], [1.2, 0.1]].map(([b, delay]) => start({ b, delay }, 20, true));
   found.noise = start({ b: 0.9, delay: 0, noise: 1 }, 30);
   found.ruled = start({ noise: 0, least: 0.9 }, 1.5);

@@ -37,6 +37,10 @@ def started(*words: str, until: str) -> tuple[subprocess.Popen[str], str]:
     raise AssertionError(f"{words[0]} ended before it was ready")
 
 
+# gives a scheduler ten seconds to come back instead of thirty
+HASTY = "-c", "from icmj.work import workers; workers._ANSWER = 10.0; from icmj.cli import main; main.entry()"
+
+
 @pytest.fixture
 def processes() -> Iterator[tuple[str, list[subprocess.Popen[str]]]]:
     running = []
@@ -67,7 +71,7 @@ def test_a_scheduler_killed_midway_is_one_line(tmp_path, processes):
     """It ended in tracebacks of libraries, and "cannot be written to: None"."""
     address, (scheduler, *_) = processes
     file, out = sweep_file(tmp_path, GRID.format(count=4000), chunk=2), tmp_path / "out"
-    process = start("sweep", file, "--dask", address, "--out", out, cwd=tmp_path)
+    process = start("sweep", file, "--dask", address, "--out", out, program=HASTY, cwd=tmp_path)
     deadline = time.monotonic() + PATIENCE
     while len(list(out.glob("points/*"))) < 3 and time.monotonic() < deadline:
         time.sleep(0.05)
