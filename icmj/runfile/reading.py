@@ -126,8 +126,28 @@ class FileOfRuns(TomlTable):
         made._path, made._text = path, text
         return made
 
-    def _run(self, run: RunFile | str, changes: Mapping[str, Any], key: str, allow_code: bool) -> RunFile:
-        """A run file, or the one of this name beside it or shipped, with the values changed that ``key`` gives."""
+    def _run(
+        self,
+        run: RunFile | str,
+        changes: Mapping[str, Any],
+        key: str,
+        allow_code: bool,
+        replaced: Mapping[str, str] | None = None,
+    ) -> RunFile:
+        """A run file, or the one of this name beside it or shipped, with the values changed that ``key`` gives.
+
+        Args:
+            run: the run file, or its name.
+            changes: values by key.
+            key: where the file has them.
+            allow_code: as of :func:`icmj.load_run`.
+            replaced: keys whose value is replaced by another one afterwards, and what gives that, in words.
+        """
+        for name, _ in leaves(changes):
+            if name in (replaced or {}):
+                raise RunFileError(
+                    f"{self._path}: {key}: {name} has no effect, as {(replaced or {})[name]}; leave it out"
+                )
         if isinstance(run, str):
             beside = self._path.parent / run
             run = load_run(beside if beside.is_file() else RUNS.meant(Path(run)), allow_code=allow_code)

@@ -120,6 +120,8 @@ class VaryTable(TomlTable):
             raise ValueError("give either values, or low and high")
         if self.values is not None and self.count is not None:
             raise ValueError("values have no count")
+        if self.values is not None and "spacing" in self.model_fields_set:
+            raise ValueError("values have no spacing")
         if self.values is None:
             if self.low is None or self.high is None or not self.low < self.high:
                 raise ValueError("low must be given and be less than high")
@@ -174,7 +176,8 @@ class SweepFile(FileOfRuns):
             RunFileError: one line that names the file, the key, and what was expected.
         """
         made = cls._read(data, path, text)
-        made._base = made._run(base or made.sweep.run, made.set, "set", allow_code)
+        varied = {name: "[[vary]] gives its values" for vary in made.vary for name in vary.fields}
+        made._base = made._run(base or made.sweep.run, made.set, "set", allow_code, varied)
         if not made._base.has_events and (made.ask.cycle or made.ask.attractors):
             raise RunFileError(
                 f"{path}: [ask] cycle and attractors are for intermittent control; the controller is of kind "
@@ -191,6 +194,8 @@ class SweepFile(FileOfRuns):
             raise ValueError(f"{drawn[0]} is drawn between low and high: sweep.samples says how often, or give a count")
         if self.sweep.samples is not None and not drawn:
             raise ValueError("sweep.samples: nothing is drawn; give a field low and high without a count")
+        if not drawn and (unused := {"method", "seed"} & self.sweep.model_fields_set):
+            raise ValueError(f"sweep.{min(unused)}: nothing is drawn; leave it out")
         if self.sweep.method == "sobol" and (self.sweep.samples or 0) > 2**30:
             raise ValueError("sweep.samples: a Sobol sequence has at most 2^30 points")
         seen: set[str] = set()
@@ -423,7 +428,9 @@ class FamilyFile(FileOfRuns):
             RunFileError: one line that names the file, the key, and what was expected.
         """
         made = cls._read(data, path, text)
-        made._base = made._run(made.family.run, made.family.set, "family.set", allow_code)
+        given = {name: f"the parameter {each.name} sets it" for each in made.parameter for name in each.keys}
+        given |= dict.fromkeys(("simulation.duration", "simulation.record_interval"), "trials have their own")
+        made._base = made._run(made.family.run, made.family.set, "family.set", allow_code, given)
         if made._base.setpoint:
             raise RunFileError(
                 f"{path}: family.run names {made.family.run}, which has a set-point; the run of a family must have none"
