@@ -354,7 +354,7 @@ PICTURES: dict[str, Picture] = {
         draw_report,
         (
             "runs",
-            "icmj/report/summary.py",
+            "icmj/report/overview.py",
             "icmj/report/templates/first.html.j2",
             "icmj/report/templates/style.css",
             "icmj/report/style.py",
@@ -370,7 +370,7 @@ PICTURES: dict[str, Picture] = {
         ),
     ),
     "replay.png": viewer(_log, 12.0, ("runs/three-link-0.9.toml", "models/three_link.xml")),
-    "sway.png": Picture(draw_sway, ("examples/standing.csv", "icmj/report/figures.py", "icmj/report/style.py")),
+    "sway.png": Picture(draw_sway, ("examples/standing.csv", "icmj/report/sway_figures.py", "icmj/report/style.py")),
     "people.png": example("sway"),
     "masquerade.png": example("masquerade"),
     "attraction.png": example("attraction"),

@@ -53,11 +53,11 @@ from .engine.plant import MujocoPlant as MujocoPlant
 from .engine.plant import load_plant as load_plant
 from .engine.reaction import reaction as reaction
 from .errors import IcmjError as IcmjError
-from .experiments.attraction import attraction as attraction
 from .experiments.many import simulate_many as simulate_many
 from .experiments.multisine import multisine as multisine
 from .experiments.quiet_standing import quiet_standing as quiet_standing
 from .experiments.refractoriness import refractoriness as refractoriness
+from .experiments.switching_rounds import attraction as attraction
 from .fitting.family import load_family as load_family
 from .fitting.identification import identify as identify
 from .log.reader import read_log as read_log

@@ -497,7 +497,7 @@ import numpy as np
 
 from icmj.base.array import Array, Positive
 from icmj.case.case import Case, PlantKind
-from icmj.experiments.quiet_standing import Recording
+from icmj.experiments.recording import Recording
 from icmj.report import style
 from icmj.report.experiment import Row
 from icmj.runfile.schema import RunFile

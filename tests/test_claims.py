@@ -32,11 +32,14 @@ WHY = {"definition", "setting", "source", "example"}
 PAGES = ["README.md", "paper/paper.md", *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md"))]
 REPORT = [
     *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "icmj/report/templates").glob("*.j2")),
-    *(f"icmj/report/{name}.py" for name in ("sections", "summary", "wording")),
+    *(f"icmj/report/{name}.py" for name in ("sections", "summary", "noise_table", "overview", "wording")),
     *(f"icmj/report/{name}.py" for name in ("statements", "experiment", "findings")),
     "icmj/study/fit_page.py",
     *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "icmj/study/kinds").glob("*.py")),
-    *(f"icmj/fitting/{name}.py" for name in ("choice", "groups", "posterior", "calibration", "prediction_check", "family")),
+    *(
+        f"icmj/fitting/{name}.py"
+        for name in ("choice", "groups", "posterior", "calibration", "prediction_check", "family")
+    ),
 ]
 PRECISE = re.compile(
     r"10[⁰¹²³⁴-⁹⁻]|10\^|\de[-−+]?\d|%|×|\btimes\b|\bwithin\b|\bdigits?\b|\baccura|\bexact|\bcoincide|(?<![\d.])\d{1,3}\.\d{2,}"

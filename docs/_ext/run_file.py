@@ -19,7 +19,7 @@ from sphinx.application import Sphinx
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
-from icmj.runfile.sweep_tables import docstrings
+from icmj.runfile.editor_schema import docstrings
 
 LOGGER = logging.getLogger(__name__)
 KINDS = {float: "number", int: "whole number", str: "text", bool: "`true` or `false`"}

@@ -65,7 +65,8 @@ execute.register(files.fit)
 def study(command: arguments.StudyCommand) -> None:
     """Run the study with a progress bar; print the table and where the files are."""
     from icmj.study.estimate import LONGEST
-    from icmj.study.study import find_runs, run_study
+    from icmj.study.run_files import find_runs
+    from icmj.study.study import run_study
 
     if command.jobs is not None and command.jobs < 1:
         raise RunFileError(f"--jobs {command.jobs}: expected at least 1")

@@ -130,8 +130,9 @@ def _new_file(kind: Kind, given: Path | None, command: NewCommand) -> None:
     from icmj.base.files import write_text
     from icmj.case.case import prepare
     from icmj.case.drafting import case_name
+    from icmj.runfile.family_tables import FamilyFile
     from icmj.runfile.reading import load_run, parse_toml
-    from icmj.runfile.sweep_tables import FamilyFile, SweepFile
+    from icmj.runfile.sweep_tables import SweepFile
     from icmj.study.experiment_file import ExperimentFile
     from icmj.study.first_file import draft_file, shipped_run
     from icmj.study.kind import Names

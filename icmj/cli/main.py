@@ -110,7 +110,8 @@ def _obey(arguments: list[str]) -> int:
                 BAD_INPUT,
             )
         load_matplotlib_apart()
-        import icmj.cli.cycles  # noqa: F401, for the commands that it registers
+        import icmj.cli.continuation
+        import icmj.cli.cycles  # noqa: F401, for the commands that both register
         from icmj.cli import arguments as given
         from icmj.cli import commands, terminal
 

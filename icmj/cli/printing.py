@@ -500,7 +500,7 @@ def show_roots(case: Case, json: bool) -> None:
     """Print the characteristic roots of a loop that stays in each mode, and its rounds if it has any."""
     from icmj.case.case import mode_roots
     from icmj.case.plants import linear_plant
-    from icmj.experiments.attraction import rounds_without_dead_zone
+    from icmj.experiments.switching_rounds import rounds_without_dead_zone
 
     run = case.run
     with Working(f"analysing {run.case.name}", ERR), prefix_errors(run.path):

@@ -41,7 +41,7 @@ from icmj.plant.body import OperatingRule, Selection
 from icmj.plant.linear_plant import LinearPlant, Match, Push, pick, ports
 from icmj.plant.person import Person
 from icmj.plant.quality import Notice, Quality, adrift, idle, notice_omission
-from icmj.simulation.ending import Limit, limits_of
+from icmj.simulation.position_limit import Limit, limits_of
 from icmj.work.shipped import MODELS
 
 

@@ -2,7 +2,7 @@
 
 The prior: what is known of a family's numbers before a recording is seen.
 
-Inference sees z alone, of which each number is a rising function (:class:`icmj.runfile.sweep_tables.PriorTable`).
+Inference sees z alone, of which each number is a rising function (:class:`icmj.runfile.family_tables.PriorTable`).
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ from icmj.errors import AnalysisError, FitError, IcmjError
 from icmj.linear.run import simulate
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant, match_ports
+from icmj.runfile.family_tables import FamilyFile, ParameterTable, load_family_file
 from icmj.runfile.schema import RunFile
-from icmj.runfile.sweep_tables import PRESSURE, FamilyFile, ParameterTable, load_family_file
+from icmj.runfile.sweep_tables import PRESSURE
 from icmj.simulation.settings import Settings, reseed, start_states
 from icmj.theory.delay_roots import count_unstable, loops_of
 from icmj.work.folder import fingerprint_of

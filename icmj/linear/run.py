@@ -26,7 +26,7 @@ from icmj.linear.loop import positions_of
 from icmj.linear.native.stretches import Body, Grid, Track, compile_stretches
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation import ending
+from icmj.simulation import ending, position_limit
 from icmj.simulation.disturbance import acting_on
 from icmj.simulation.ending import EventPace
 from icmj.simulation.labels import labels_of
@@ -92,7 +92,7 @@ def simulate_tapped(
     acting, errors, pushes = everything = acting_on(plant, settings)
     n, n_u, n_y = plant.n, plant.n_u, plant.n_y
     names, units = (tuple(of[i] for i in positions_of(plant)) for of in (plant.states, plant.state_units))
-    limits = ending.limits_of(settings.limit, names, units)
+    limits = position_limit.limits_of(settings.limit, names, units)
     fastest = float(max(everything.omega.max(initial=0.0), realisation.signals[:, 2].max(initial=0.0)))
     taps = taps_of(realisation, n_y, max(_rate(plant, realisation) / _TURN, fastest / _SWING), exact=True)
     history, now = begin(

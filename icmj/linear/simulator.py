@@ -14,7 +14,7 @@ from icmj.linear.loop import LinearLoop, forcing, linear_loop
 from icmj.linear.native.motion import FRESH, Acting, Count, Now, Run, Tables
 from icmj.linear.tables import Response, tables
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation import ending
+from icmj.simulation import ending, position_limit
 from icmj.simulation.disturbance import Disturbance, Pushes, acting_on
 from icmj.simulation.ending import EventPace, Outcome
 from icmj.simulation.native.loop import ACTED, EDGE, PLANNED, TICK, Status
@@ -74,7 +74,7 @@ class Simulator:
         self.loop = loop = linear_loop(plant, controller, [index for index, _ in shares])
         acting = forcing(loop, *parts)
         names, units = (tuple(of[i] for i in loop.positions) for of in (plant.states, plant.state_units))
-        self.duration, self.limits = float(settings.duration), ending.limits_of(settings.limit, names, units)
+        self.duration, self.limits = float(settings.duration), position_limit.limits_of(settings.limit, names, units)
         self.tables = T = tables(loop, acting, self.duration, self.limits, interval, [of for _, of in shares])
         self._response = Response(T, acting)
         m, n_y, rows = loop.moving, plant.n_y, int(min(T.step / interval, 1e9)) + 8

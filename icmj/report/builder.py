@@ -16,14 +16,14 @@ from icmj.base.text import one_line
 from icmj.case.result import Result, has_prediction
 from icmj.case.sweep_table import SweepTable
 from icmj.errors import ReportError
-from icmj.report import sections, style
+from icmj.report import many_runs, sections, style
 from icmj.report.drawing import Drawing, draw_case, law_of, noise_of, panels_of, picture, save
-from icmj.report.figures import Rival, paths_figure, rivals, spectra_figure
 from icmj.report.notation import SYMBOLS, notation, unbroken
+from icmj.report.overview import overview_figure
 from icmj.report.player import join_scripts, moving, script
+from icmj.report.rivals import Rival, paths_figure, rivals, spectra_figure
 from icmj.report.sections import DrawnPanel, Picture, Section, count_figures
 from icmj.report.statements import in_paper_order
-from icmj.report.summary import overview_figure
 from icmj.report.wording import CaseRuns, describe_sway, pair
 
 if TYPE_CHECKING:
@@ -113,8 +113,8 @@ def render(
     panels, laws, noisy = _pictures(cases, folder)
     motions, of_case, of_other = _motions(cases, alone)
     before = len(cases) + len(noisy) + len(laws)
-    swept = sections.sweeps(sweeps, _maps(sweeps, folder), first_number=before + 1)
-    grown = sections.branches(_group_branches(branches, folder), first_number=before + 1 + count_figures(swept))
+    swept = many_runs.sweeps(sweeps, _maps(sweeps, folder), first_number=before + 1)
+    grown = many_runs.branches(_group_branches(branches, folder), first_number=before + 1 + count_figures(swept))
     after = before + 1 + count_figures(swept) + count_figures(grown)
     controllers = _rivals(cases, alone, folder)
     beside = sections.rivals(controllers, after)
@@ -127,7 +127,7 @@ def render(
             sections.figures(cases, panels, of_case),
             sections.noise(cases, noisy, first_number=len(cases) + 1),
             sections.law(cases, laws, first_number=len(cases) + len(noisy) + 1),
-            sections.attractors(cases),
+            many_runs.attractors(cases),
             swept,
             grown,
             beside,
@@ -311,7 +311,7 @@ def _is_born(branch: Branch, group: Sequence[Branch]) -> bool:
 
 def _others(runs: Sequence[Result], folder: Path) -> dict[str, Picture]:
     """Outputs over time of every case under another controller."""
-    from icmj.report.figures import run_figure
+    from icmj.report.run_figure import run_figure
 
     cases: dict[str, list[Result]] = {}
     for run in runs:

@@ -56,7 +56,7 @@ def panels_of(case: CaseRuns) -> list[tuple[Panel, Drawing]]:
 
 def law_of(case: CaseRuns) -> Drawing | None:
     """The amplitude law, where it was measured."""
-    from icmj.report.figures import law_figure
+    from icmj.report.law_figure import law_figure
 
     measured = next((result for result in reversed(case.runs.values()) if result.law is not None), None)
     if measured is None:
@@ -66,7 +66,7 @@ def law_of(case: CaseRuns) -> Drawing | None:
 
 def noise_of(case: CaseRuns) -> tuple[Drawing, Drawing] | None:
     """Intervals and spectra of runs under noise."""
-    from icmj.report.figures import histogram_figure, spectrum_figure
+    from icmj.report.noise_figures import histogram_figure, spectrum_figure
 
     if all(result.statistics is None for result in case.runs.values()):
         return None

@@ -13,13 +13,13 @@ import numpy as np
 
 from icmj.base.array import Array, between, steps_in
 from icmj.errors import ReportError
-from icmj.experiments.quiet_standing import Finding
 from icmj.experiments.reconstruction import Reconstruction
+from icmj.experiments.recording import Finding
 from icmj.experiments.refractoriness import Refractoriness
 from icmj.measurement.statistics import cut_windows, hann
 from icmj.report import style
-from icmj.report.figures import COLOURS
 from icmj.report.notation import symbol
+from icmj.report.sway_figures import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -34,7 +34,7 @@ from icmj.errors import AnalysisError, ReportError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.report.player import chain_body, join_scripts, links_of, script
 from icmj.simulation.disturbance import Disturbance, acting_on, terms_of
-from icmj.simulation.ending import limits_of
+from icmj.simulation.position_limit import limits_of
 from icmj.simulation.settings import Gridded, Noise, Placed, Settings, plant_start
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict

@@ -27,7 +27,7 @@ from icmj.case.noise import spread_about
 from icmj.case.quantity import Quantity, quantities
 from icmj.errors import IcmjError, ReportError
 from icmj.report import style
-from icmj.report.figures import LOCUS, MODULUS
+from icmj.report.loci import LOCUS, MODULUS
 from icmj.report.wording import CaseRuns, Panel, compares, shown_interval
 from icmj.simulation.pressure import Pressure
 from icmj.simulation.simulation import Simulation

@@ -29,8 +29,7 @@ from icmj.errors import ReportError
 from icmj.experiments.reconstruction import Reconstruction
 from icmj.experiments.refractoriness import Refractoriness
 from icmj.measurement.sway import Sway
-from icmj.report import figures
-from icmj.report.figures import draw_diffusion, draw_path, draw_spectra
+from icmj.report import law_figure, loci, noise_figures
 from icmj.report.findings import draw_reactions, draw_reconstruction
 from icmj.report.maps import draw_basins, draw_curve, draw_validity
 from icmj.report.panels import (
@@ -49,6 +48,7 @@ from icmj.report.panels import (
     pressed_axes,
 )
 from icmj.report.style import Journal, journal
+from icmj.report.sway_figures import draw_diffusion, draw_path, draw_spectra
 from icmj.report.wording import CaseRuns, pair
 
 if TYPE_CHECKING:
@@ -101,15 +101,15 @@ def panels(*results: Result, settings: Journal | None = None, letters: bool = Tr
 
 def modulus(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(a) Largest |λ| of φ(Δ_ol) for the actual plant and for an exact model; points: growth measured under a clock."""
-    return _panel(figures.draw_modulus, axes, results, legend)
+    return _panel(loci.draw_modulus, axes, results, legend)
 
 
 def locus(axes: Axes, *results: Result, scale: bool = True, legend: bool = True) -> Axes:
     """(b) Eigenvalues of φ and the unit circle for increasing Δ_ol; ``scale`` adds a colour scale right of the axes."""
     case = _case(results)
-    figures.draw_locus(axes, case)
+    loci.draw_locus(axes, case)
     if scale:
-        figures.draw_scale(axes.inset_axes((1.04, 0, 0.036, 1)), case)
+        loci.draw_scale(axes.inset_axes((1.04, 0, 0.036, 1)), case)
     return _legend(axes, legend)
 
 
@@ -160,14 +160,14 @@ def state_norm(axes: Axes, *results: Result, legend: bool = True) -> Axes:
 
 def interval_histogram(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """Density of the open-loop intervals of runs under noise; dotted: Δ_crit, dashed: the minimum interval."""
-    figures.draw_histogram(axes, _under_noise(_case(results)))
+    noise_figures.draw_histogram(axes, _under_noise(_case(results)))
     return _legend(axes, legend)
 
 
 def spectrum(axes: Axes, *results: Result, output: int | str = 0, legend: bool = True) -> Axes:
     """Power spectrum of one output, by number or name, of runs under noise, with its 95 % confidence."""
     case = _under_noise(_case(results))
-    figures.draw_spectrum(axes, case, _output(case, output))
+    noise_figures.draw_spectrum(axes, case, _output(case, output))
     return _legend(axes, legend)
 
 
@@ -179,7 +179,7 @@ def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> Axes:
         raise ReportError(
             f"case {case.name!r} has no amplitude law; run it with --study, or see icmj.experiments.measure_law"
         )
-    figures.draw_law(axes, found.law, threshold_unit(found))
+    law_figure.draw_law(axes, found.law, threshold_unit(found))
     return _legend(axes, legend)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from icmj.report import figures, panels, style
+from icmj.report import loci, panels, style
 from icmj.report.panels import draw_phase
 from icmj.report.style import Journal
 from icmj.report.wording import CaseRuns
@@ -39,7 +39,7 @@ def draw_sheet(case: CaseRuns, settings: Journal, letters: bool) -> Sheet:
     """Panels (a) to (f) in three rows of two, each with its legend above its axes."""
     outputs = min(case.last.actual.n_y, MOST)
     drawn: tuple[Callable[[SubFigure], list[Axes]], ...] = (
-        lambda place: _single(place, case, figures.draw_modulus),
+        lambda place: _single(place, case, loci.draw_modulus),
         lambda place: _locus(place, case),
         lambda place: _outputs(place, case, outputs),
         lambda place: _single(place, case, draw_phase),
@@ -65,8 +65,8 @@ def _single(place: SubFigure, case: CaseRuns, draw: Callable[[Axes, CaseRuns], N
 
 def _locus(place: SubFigure, case: CaseRuns) -> list[Axes]:
     axes = place.subplots()
-    figures.draw_locus(axes, case)
-    figures.draw_scale(axes.inset_axes((1.04, 0, 0.036, 1)), case)
+    loci.draw_locus(axes, case)
+    loci.draw_scale(axes.inset_axes((1.04, 0, 0.036, 1)), case)
     return [axes]
 
 

@@ -17,9 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, since, steps_in
+from icmj.base.array import Array, since
 from icmj.controller.controller import Law, has_trigger
-from icmj.controller.setpoint import TERNARY_INTERVALS, ternary
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant, Push
 from icmj.series.interpolation import snap
@@ -321,36 +320,3 @@ def _from_terms(
 
 
 NO_PUSHES = Pushes((), no_disturbance(0))
-
-
-_MOST_LINES = 20000
-
-
-def ternary_lines(size: float, interval: float, highest: float) -> Array:
-    """The lines of an integrated pseudo-random ternary sequence, without its mean.
-
-    Args:
-        size: of the sequence from peak to peak.
-        interval: between its corners [s]; it repeats after 242 of them.
-        highest: frequency of the last line [Hz].
-
-    Returns:
-        (a, ω, φ) of each a cos(ωt + φ) that is not zero, shape (L, 3).
-
-    Raises:
-        SimulationError: if there are too many lines.
-    """
-    period = TERNARY_INTERVALS * interval
-    if not highest * period <= _MOST_LINES:
-        raise SimulationError(
-            f"ternary: {highest * period:.3g} lines up to {highest:g} Hz; expected at most {_MOST_LINES}; give a lower "
-            "bandwidth or a shorter interval"
-        )
-    slopes = ternary(size, interval, 0.0, period)
-    k = np.arange(1, steps_in(highest * period) + 1)
-    omega = 2 * np.pi * k / period
-    # of a periodic path with slopes v_j from t_j to t_j': c_k = Σ v_j (e^{−iωt_j'} − e^{−iωt_j}) / (ω² T)
-    turns = np.exp(-1j * np.outer(omega, slopes[:, 4])) - np.exp(-1j * np.outer(omega, slopes[:, 3]))
-    c = (turns @ slopes[:, 0]) / (period * omega**2)
-    there = np.abs(c) > 1e-12 * np.abs(c).max(initial=0.0)
-    return np.column_stack([2 * np.abs(c), omega, np.angle(c)])[there]

@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-
-from icmj.base.array import Array
 from icmj.plant.linear_plant import LinearPlant
 
 
@@ -64,33 +61,3 @@ def loop_signals(actual: LinearPlant, assumed: LinearPlant, *segments: str) -> d
 def plain_names(names: Iterable[str]) -> list[str]:
     """Names without points, which python-control reserves."""
     return [name.replace(".", "_") for name in names]
-
-
-@dataclass(frozen=True, eq=False)
-class Block:
-    """Some columns of one kind: rows (N, w), and values right after the events (K, w), ``None`` where not known."""
-
-    kind: str
-    bare: tuple[str, ...]
-    units: tuple[str, ...]
-    values: Array
-    after: Array | None
-
-    def right_after(self, count: int) -> Array:
-        """Values right after the first events, NaN where not known."""
-        return np.full((count, len(self.bare)), np.nan) if self.after is None else self.after[:count]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the columns, each with the kind before it."""
-        return tuple(f"{self.kind}.{name}" if self.kind else name for name in self.bare)
-
-
-def columns(
-    kind: str, names: tuple[str, ...], units: tuple[str, ...], values: Array, after: Array | None = None
-) -> Block:
-    """The columns of ``values``, with numbers for names that are not known."""
-    width = values.shape[1]
-    names = names if len(names) == width else tuple(str(i) for i in range(width))
-    units = units if len(units) == width else ("",) * width
-    return Block(kind, names, units, values, after)

@@ -24,7 +24,7 @@ from icmj.base.array import Array, Finite, NonNegative, Positive, Seed, since
 from icmj.controller.controller import Controller, start_state
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import ZERO, LinearPlant, Push, Surface, Vector
-from icmj.simulation.ending import Limit
+from icmj.simulation.position_limit import Limit
 
 NOISE_TERMS = 40  # sinusoids of one noise: enough for a nearly normal amplitude distribution
 GRID = 0.01  # s, between two values of Gaussian noise: beyond 20 Hz a body does not follow

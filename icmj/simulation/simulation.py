@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
-from icmj.simulation.labels import UNKNOWN, Block, Labels, columns
+from icmj.simulation.columns import Block, columns
+from icmj.simulation.labels import UNKNOWN, Labels
 from icmj.simulation.pressure import Pressure
 
 

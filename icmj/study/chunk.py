@@ -38,8 +38,9 @@ from icmj.case.comparison import RUN, Ran, finite
 from icmj.case.plants import linear_plant
 from icmj.cycle.cycle import Cycle
 from icmj.errors import AnalysisError, CycleError, IcmjError, beyond_memory
-from icmj.experiments.attraction import Rounds, attractors, rounds_of
+from icmj.experiments.coexisting_motions import attractors
 from icmj.experiments.many import LastCase
+from icmj.experiments.switching_rounds import Rounds, rounds_of
 from icmj.measurement.measurement import measure
 from icmj.measurement.statistics import statistics
 from icmj.runfile.schema import RunFile

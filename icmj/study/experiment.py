@@ -38,7 +38,7 @@ from icmj.controller.controller import continuous_limit
 from icmj.controller.trigger import ClockTrigger, Trigger
 from icmj.errors import DataError, IcmjError, RunFileError, StudyError
 from icmj.experiments.many import LAST
-from icmj.experiments.quiet_standing import Recording
+from icmj.experiments.recording import Recording
 from icmj.report import style
 from icmj.report.experiment import Row, experiment_page
 from icmj.runfile.schema import RunFile

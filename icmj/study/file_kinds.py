@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any, Literal
 
-from icmj.runfile import sweep_tables
+from icmj.runfile import editor_schema
 from icmj.runfile.table import TomlTable
 
 FileKind = Literal["run", "sweep", "experiment", "family"]
@@ -13,7 +13,7 @@ _SCHEMAS = {
     "run": "icmj.runfile.schema:RunFile",
     "sweep": "icmj.runfile.sweep_tables:SweepFile",
     "experiment": "icmj.study.experiment_file:ExperimentFile",
-    "family": "icmj.runfile.sweep_tables:FamilyFile",
+    "family": "icmj.runfile.family_tables:FamilyFile",
 }
 
 
@@ -26,4 +26,4 @@ def schema_of(kind: FileKind) -> type[TomlTable]:
 
 def json_schema(kind: FileKind) -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of a kind of file: every table and key with its meaning, bounds and default."""
-    return sweep_tables.json_schema(schema_of(kind), kind, f"icmj {kind} file")
+    return editor_schema.json_schema(schema_of(kind), kind, f"icmj {kind} file")

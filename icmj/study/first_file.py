@@ -11,8 +11,8 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, get_args
 
+from icmj.runfile.editor_schema import docstrings
 from icmj.runfile.schema import RunFile, key_text, value_text
-from icmj.runfile.sweep_tables import docstrings
 from icmj.runfile.table import TomlTable
 from icmj.study.file_kinds import schema_of
 from icmj.study.kind import Kind as ExperimentKind

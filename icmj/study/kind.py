@@ -18,7 +18,7 @@ from pydantic import Field
 from icmj.base.array import Positive, instants
 from icmj.case.case import Case, PlantKind
 from icmj.errors import DataError, RunFileError
-from icmj.experiments.quiet_standing import Finding, Recording
+from icmj.experiments.recording import Finding, Recording
 from icmj.report.experiment import Norms, Row
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import Line, TomlTable

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from icmj.base.files import clear_leftovers, ready
 from icmj.errors import LogError, RunFileError, SimulationError, expect, prefix_errors
-from icmj.runfile.reading import load_run
-from icmj.runfile.schema import RunFile, overridden
-from icmj.work.shipped import RUNS
+from icmj.runfile.schema import RunFile
 from icmj.work.workers import Task, Tell, Workers, processes
 
 if TYPE_CHECKING:
@@ -24,7 +22,6 @@ from icmj.study.page import Page, report
 
 PLANTS: tuple[PlantKind, ...] = ("linear", "mujoco")
 Progress = Callable[[str, float], None]
-HERE = Path("runs")
 _CHECKS = 0.02  # of the whole, about
 _LEAST, _PAGE = {"linear": 0.3, "mujoco": 0.8}, 1.4  # s of a run that is plainly quick, and of a case on the page
 AFTER_INTERRUPT = 30.0  # [s] of continuous control beside a run that was interrupted: enough to see it settle
@@ -45,32 +42,6 @@ class Outputs:
     report: Path
     summary: Path
     page: Page
-
-
-def find_runs(paths: Sequence[Path], changes: Sequence[str] = (), *, allow_code: bool = False) -> tuple[RunFile, ...]:
-    """Load run files; a folder stands for all ``*.toml`` in it, a bare name for a shipped case.
-
-    Args:
-        paths: files, folders and names; none stand for the folder ``runs``, or for all shipped cases where it has none.
-        changes: ``KEY=VALUE`` in each of them; see :func:`icmj.runfile.schema.overridden`.
-        allow_code: whether Python code that they name may be run.
-
-    Raises:
-        RunFileError: if there is none, one is not valid, or two have the same case name.
-    """
-    files: list[Path] = []
-    for path in paths or [HERE if any(HERE.glob("*.toml")) else RUNS.folder]:
-        found = sorted(path.glob("*.toml")) if path.is_dir() else [path]
-        if not found:
-            raise RunFileError(f"{path}: no run file (*.toml) in this folder")
-        files += found
-    runs = tuple(overridden(load_run(file, allow_code=allow_code), changes) for file in files)
-    seen: dict[str, Path] = {}
-    for run in runs:
-        if run.case.name in seen:
-            raise RunFileError(f"{run.path}: case.name {run.case.name!r} is taken by {seen[run.case.name]}; rename one")
-        seen[run.case.name] = run.path
-    return runs
 
 
 def plants_of(run: RunFile) -> tuple[PlantKind, ...]:
@@ -155,7 +126,8 @@ def _beside(case: Case, plant: PlantKind, simulation: Simulation, report: Callab
     """What the study adds to a run that has a prediction."""
     from icmj.case.case import expect_rule, simulate
     from icmj.controller.controller import continuous_limit
-    from icmj.experiments.attraction import measure_growth, measure_law
+    from icmj.experiments.amplitude_law import measure_law
+    from icmj.experiments.growth import measure_growth
 
     study, found = case.run.study, dict[str, Any]()
     continuous = simulate(
@@ -212,7 +184,7 @@ def _continuous_duration(case: Case, simulation: Simulation) -> float | None:
 def _attractors(case: Case, progress: Callable[[float], None]) -> tuple[Attractor, ...]:
     from icmj.case.case import expect_rule
     from icmj.case.plants import linear_plant
-    from icmj.experiments.attraction import attractors
+    from icmj.experiments.coexisting_motions import attractors
 
     study = case.run.study
     if study.attractor_starts == 0:

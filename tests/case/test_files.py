@@ -13,7 +13,8 @@ from icmj.case.references import digests
 from icmj.engine.safety import files_of
 from icmj.errors import ModelError, RunFileError
 from icmj.fitting.family import Family, Prior
-from icmj.runfile.sweep_tables import load_family_file, load_sweep
+from icmj.runfile.family_tables import load_family_file
+from icmj.runfile.sweep_tables import load_sweep
 from icmj.study.experiment import fingerprint
 from icmj.study.plan import Plan
 

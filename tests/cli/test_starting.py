@@ -15,7 +15,9 @@ from icmj.cli.files import people_of
 from icmj.cli.main import main
 from icmj.cli.terminal import Terminal
 from icmj.fitting.bank import simulate_bank
-from icmj.runfile.sweep_tables import FamilyFile, SweepFile, docstrings, load_family_file, load_sweep
+from icmj.runfile.editor_schema import docstrings
+from icmj.runfile.family_tables import FamilyFile, load_family_file
+from icmj.runfile.sweep_tables import SweepFile, load_sweep
 from icmj.study.experiment_file import ExperimentFile, load_experiment
 from icmj.study.first_file import table_of
 from icmj.work.shipped import EXPERIMENTS, FAMILIES, RUNS, SWEEPS

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from icmj.cli.printing import _rows, record
-from icmj.experiments.quiet_standing import Recording, quiet_standing
+from icmj.experiments.quiet_standing import quiet_standing
+from icmj.experiments.recording import Recording
 from icmj.fitting.recordings import MEASURE_UNITS, measures, summarise
 from icmj.measurement.sway import MEASURES, OF_PLANE, Sway, measure_sway, sway_numbers
 from icmj.series.series import Series

@@ -10,7 +10,7 @@ from icmj import IcmjError, LinearPlant, load_run, parse_run, prepare, simulate
 from icmj.controller.setpoint import ternary
 from icmj.engine.forces import on_bodies
 from icmj.plant.linear_plant import Push
-from icmj.simulation.disturbance import ternary_lines
+from icmj.simulation.ternary import ternary_lines
 
 LEGS = """
 <body name="leg" pos="0 0 0.08"><joint name="ankle" axis="0 1 0" stiffness="900" damping="30"/>

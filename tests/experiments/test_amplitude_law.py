@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from icmj import load_run, prepare
-from icmj.experiments.attraction import measure_law
+from icmj.experiments.amplitude_law import measure_law
 
 
 @pytest.mark.parametrize("name", ["three-link-0.9", "three-link-1.1", "simple-0.8"])

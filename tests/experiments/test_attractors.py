@@ -5,7 +5,7 @@ import pytest
 from linear_cases import PENDULUM, event_controller, neglected, pendulum_design, settings
 
 from icmj.errors import SimulationError
-from icmj.experiments.attraction import attractors
+from icmj.experiments.coexisting_motions import attractors
 from icmj.linear.run import simulate
 from icmj.measurement.measurement import measure
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from icmj import load_run, parse_run, prepare
-from icmj.experiments.attraction import measure_growth
+from icmj.experiments.growth import measure_growth
 
 
 @pytest.mark.parametrize("name", ["simple-0.8", "simple-1.7", "neglected-0.1", "three-link-1.1"])

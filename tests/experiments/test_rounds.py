@@ -10,7 +10,7 @@ from terminal_cases import told
 from icmj import LinearPlant, Settings, load_run, prepare, run_case, simulate_plant
 from icmj.controller.switching import SwitchingPD, slope_of
 from icmj.errors import AnalysisError
-from icmj.experiments.attraction import attraction, rounds, rounds_of
+from icmj.experiments.switching_rounds import attraction, rounds, rounds_of
 
 MGH, INERTIA = 60 * 9.81, 60.0
 A = np.array([[0, 1], [0.2 * MGH / INERTIA, -4 / INERTIA]])

@@ -9,7 +9,7 @@ import pytest
 
 import icmj
 from icmj.errors import DataError, IcmjError
-from icmj.experiments.multisine import StanceChannels, fit_channels
+from icmj.experiments.stance_channels import StanceChannels, fit_channels
 
 BODY = StanceChannels(60.0, 588.6, 470.88, 4.0)
 LINES = np.arange(1, 60) / 60.5

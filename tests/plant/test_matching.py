@@ -11,7 +11,7 @@ from icmj.controller.design import design_lq, output_weight
 from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.errors import AnalysisError
-from icmj.experiments.attraction import attractors
+from icmj.experiments.coexisting_motions import attractors
 from icmj.plant.linear_plant import LinearPlant, deviate, match_ports, pick
 
 RNG = np.random.default_rng(3)

@@ -17,10 +17,10 @@ from icmj.log.writer import markdown
 from icmj.log.writer import summarise as properties
 from icmj.plant.linear_plant import transformation
 from icmj.report import sections
-from icmj.report.figures import draw_histogram
+from icmj.report.noise_figures import draw_histogram
+from icmj.report.noise_table import estimate
 from icmj.report.panels import PANELS
 from icmj.report.sections import Picture
-from icmj.report.summary import estimate
 from icmj.report.wording import pair, shown_interval
 
 PICTURE = Picture("a", "data:", "a")

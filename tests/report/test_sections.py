@@ -14,12 +14,12 @@ from icmj import LinearPlant, Settings, SwitchingPD, parse_run
 from icmj.case.result import Attractor, Result
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.trigger import EventRule, Faces
-from icmj.report import sections, style
+from icmj.report import many_runs, sections, style
 from icmj.report.builder import render_page
 from icmj.report.experiment import Row, experiment_page
-from icmj.report.figures import rivals
+from icmj.report.overview import overview_figure
 from icmj.report.panels import PANELS
-from icmj.report.summary import overview_figure
+from icmj.report.rivals import rivals
 from icmj.report.wording import pair
 from icmj.study.kinds.double_step import DoubleStepTable
 from icmj.study.kinds.quiet_standing import QuietStandingTable
@@ -247,12 +247,12 @@ def test_attractors_bear_the_marks_of_the_summary():
     marked = {}
     for name in ("b0.8", "b1.7", "exact"):
         found = result(name)
-        section = sections.attractors(pair([replace(found, attractors=(found_by(found),))]))
+        section = many_runs.attractors(pair([replace(found, attractors=(found_by(found),))]))
         marked[name] = section.context["rows"][0]["mark"][0]
         assert marked[name] == rows()[name]["runs"]["linear"]["mark"]
     assert marked == {"b0.8": "✓", "b1.7": "○", "exact": "✓"}
     other = replace(result("b0.8"), attractors=(found_by(result("exact")),))
-    assert sections.attractors(pair([other])).context["rows"][0]["mark"][0] == "○"  # the prediction is local
+    assert many_runs.attractors(pair([other])).context["rows"][0]["mark"][0] == "○"  # the prediction is local
 
 
 def test_starts_from_which_the_plant_falls_are_said_at_the_top():
@@ -262,7 +262,7 @@ def test_starts_from_which_the_plant_falls_are_said_at_the_top():
     reached = replace(found_by(found), count=13, share=13 / 24)
     cases = pair([replace(found, attractors=(reached, fallen))])
     assert "From 11 of 24 other starts the linear plant falls." in sections.headline(cases)
-    row = sections.attractors(cases).context["rows"][1]
+    row = many_runs.attractors(cases).context["rows"][1]
     assert (row["motion"], row["peak"], row["starts"]) == ("grows without bound: a fall", "–", "11 of 24")
     assert "falls" not in sections.headline(pair([found]))
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from icmj.cli.main import main
-from icmj.runfile.sweep_tables import SCHEMA_VERSION
+from icmj.runfile.editor_schema import SCHEMA_VERSION
 from icmj.study.file_kinds import json_schema
 from icmj.work.shipped import FAMILIES, RUNS, SWEEPS
 

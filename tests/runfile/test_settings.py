@@ -10,8 +10,8 @@ from pydantic import ValidationError
 
 from icmj.base.array import NonNegative, Positive, Seed
 from icmj.errors import ModelError
+from icmj.runfile.editor_schema import docstrings
 from icmj.runfile.shapes.noise import NoiseTable
-from icmj.runfile.sweep_tables import docstrings
 from icmj.runfile.table import TomlTable, check_by, in_words, keys_of, make
 
 

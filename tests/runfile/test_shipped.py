@@ -9,7 +9,7 @@ import icmj
 from icmj.cli.main import main
 from icmj.errors import ModelError, RunFileError
 from icmj.runfile.reading import load_run, parse_run
-from icmj.study.study import find_runs
+from icmj.study.run_files import find_runs
 from icmj.work.shipped import MODELS, RUNS, Shelf, model_file
 
 

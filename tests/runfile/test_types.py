@@ -15,9 +15,10 @@ from terminal_cases import told
 import icmj
 from icmj.cli.main import main
 from icmj.errors import RunFileError
+from icmj.runfile.family_tables import FamilyFile, load_family_file
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile, to_toml
-from icmj.runfile.sweep_tables import FamilyFile, SweepFile, load_family_file, load_sweep
+from icmj.runfile.sweep_tables import SweepFile, load_sweep
 from icmj.study.experiment_file import ExperimentFile, load_experiment
 from icmj.study.file_kinds import json_schema
 from icmj.work.shipped import EXPERIMENTS, FAMILIES, RUNS, SWEEPS

@@ -7,10 +7,10 @@ import icmj
 from icmj.controller.setpoint import double_steps
 from icmj.errors import DataError
 from icmj.experiments import explain_reactions
-from icmj.experiments.multisine import StanceChannels, fit_channels
 from icmj.experiments.refractoriness import analyse_reactions
+from icmj.experiments.stance_channels import StanceChannels, fit_channels
 from icmj.series.series import Series
-from icmj.simulation.disturbance import ternary_lines
+from icmj.simulation.ternary import ternary_lines
 from icmj.study.experiment_file import ExperimentFile
 
 BODY = StanceChannels(60.0, 588.6, 100.0, 4.0, 800.0, 250.0, 0.15, 0.6)

@@ -13,7 +13,8 @@ from sweep_cases import PENDULUM
 
 from icmj.errors import IcmjError, RunFileError
 from icmj.fitting.family import Family, Prior
-from icmj.runfile.sweep_tables import FamilyFile, SweepFile
+from icmj.runfile.family_tables import FamilyFile
+from icmj.runfile.sweep_tables import SweepFile
 from icmj.study.chunk import compute
 from icmj.study.sweep import make_plan
 

@@ -8,9 +8,9 @@ import pytest
 import icmj
 from icmj.controller.setpoint import double_steps
 from icmj.errors import DataError, IcmjError, RunFileError
-from icmj.experiments.multisine import StanceChannels
+from icmj.experiments.stance_channels import StanceChannels
 from icmj.series.series import Series
-from icmj.simulation.disturbance import ternary_lines
+from icmj.simulation.ternary import ternary_lines
 from icmj.study.experiment_file import ExperimentFile
 from icmj.study.kinds import KINDS
 

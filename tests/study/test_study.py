@@ -11,7 +11,8 @@ from kernel_cases import computed, kernels
 from icmj import build_report, compare, load_run, parse_run, prepare, read_log, simulate, write_log
 from icmj.controller.controller import continuous_limit
 from icmj.errors import ModelError, RunFileError
-from icmj.study.study import find_runs, run_case, run_study
+from icmj.study.run_files import find_runs
+from icmj.study.study import run_case, run_study
 
 DELAYED = ("three-link-0.9-delay", "three-link-1.1-delay")
 PREDICTED, MEASURED = ("delta_crit", "period", "gamma", "amplitude"), ("interval", "period", "amplitude", "gamma")

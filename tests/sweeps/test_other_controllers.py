@@ -6,7 +6,7 @@ import pytest
 import icmj
 from icmj import load_run, prepare, simulate
 from icmj.errors import RunFileError
-from icmj.experiments.attraction import rounds_of
+from icmj.experiments.switching_rounds import rounds_of
 from icmj.report.maps import pictures
 from icmj.runfile.sweep_tables import load_sweep
 

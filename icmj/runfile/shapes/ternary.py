@@ -13,8 +13,8 @@ from icmj.errors import AnalysisError, SimulationError
 from icmj.runfile.place import PlaceTable
 from icmj.runfile.table import TomlTable, keys_of
 from icmj.runfile.target import MOST_INTERVALS, TargetTable
-from icmj.simulation.disturbance import ternary_lines
 from icmj.simulation.settings import Sinusoids, Source
+from icmj.simulation.ternary import ternary_lines
 
 
 class SequenceTable(TomlTable):

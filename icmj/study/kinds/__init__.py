@@ -3,7 +3,7 @@
 To add one, write a file here and enter its name below, by which the table of an experiment file selects it. The file
 defines ``KIND``, a class that inherits from :class:`icmj.study.kind.Kind`: its fields are the keys of the table, each
 with its meaning under it, and its methods say what is done to a run file, what is recorded or read, what is computed
-and drawn, and the words on it. What the analysis returns is a :class:`icmj.experiments.quiet_standing.Finding`. Help,
+and drawn, and the words on it. What the analysis returns is a :class:`icmj.experiments.recording.Finding`. Help,
 messages, JSON Schema, reference and first files follow.
 """
 

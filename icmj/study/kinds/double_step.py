@@ -16,8 +16,8 @@ from icmj.base.array import MOST_ENTRIES, Array, Finite, NonNegative, Positive, 
 from icmj.case.case import Case, PlantKind
 from icmj.controller.setpoint import double_steps, find_step_pairs
 from icmj.errors import DataError
-from icmj.experiments.quiet_standing import Recording, keep_complete
 from icmj.experiments.reconstruction import EARLIEST, Reconstruction, reconstruct_steps
+from icmj.experiments.recording import Recording, keep_complete
 from icmj.experiments.refractoriness import DIRECTIONS, Explanation, Reactions, Refractoriness, analyse_reactions
 from icmj.report import style
 from icmj.report.experiment import Row

@@ -15,16 +15,15 @@ from icmj.controller.controller import has_trigger
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import ground_force, reaction
 from icmj.errors import AnalysisError, DataError
-from icmj.experiments.multisine import frequency_response
-from icmj.experiments.quiet_standing import (
+from icmj.experiments.intersection import (
     IntersectionPoint,
-    Recording,
     average,
     force_angle,
     intersection_curve,
     intersection_point,
-    keep_complete,
 )
+from icmj.experiments.linear_response import frequency_response
+from icmj.experiments.recording import Recording, keep_complete
 from icmj.report import style
 from icmj.report.experiment import Row
 from icmj.report.findings import LINE, ShownResult, assign_colours, under_legend

@@ -13,8 +13,8 @@ from icmj.base.array import MOST_ENTRIES, Array, Positive, Positives
 from icmj.base.numbers import count
 from icmj.case.case import Case, PlantKind
 from icmj.errors import AnalysisError, DataError
-from icmj.experiments.multisine import frequency_response
-from icmj.experiments.quiet_standing import Recording, keep_complete
+from icmj.experiments.linear_response import frequency_response
+from icmj.experiments.recording import Recording, keep_complete
 from icmj.report.experiment import Row
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import TomlTable

@@ -13,14 +13,15 @@ from icmj.base.array import Array, Finite, NonNegative, Positive
 from icmj.base.numbers import count
 from icmj.case.case import Case, PlantKind
 from icmj.controller.setpoint import TERNARY_INTERVALS
-from icmj.experiments.multisine import CHANNEL_NUMBERS, Multisine, StanceChannels, fit_channels
-from icmj.experiments.quiet_standing import Recording, keep_complete
+from icmj.experiments.multisine import Multisine
+from icmj.experiments.recording import Recording, keep_complete
+from icmj.experiments.stance_channels import CHANNEL_NUMBERS, StanceChannels, fit_channels
 from icmj.report.experiment import Row
 from icmj.runfile.schema import RunFile
 from icmj.series.series import Series
 from icmj.series.units import in_si
-from icmj.simulation.disturbance import ternary_lines
 from icmj.simulation.simulation import Simulation
+from icmj.simulation.ternary import ternary_lines
 from icmj.study.kind import HALF, CaseResult, Kind, Names, Rate, Word, sample_rows, say_first, set_duration
 from icmj.study.periodic_response import PeriodicResponse, analyse_trials, multisine_figure, take_periods, whole_periods
 

@@ -12,7 +12,8 @@ from icmj.base.array import NonNegative, Positive
 from icmj.case.case import Case, PlantKind
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import ground_force
-from icmj.experiments.quiet_standing import YOUNG_PEOPLE, Recording, Standing, quiet_standing
+from icmj.experiments.quiet_standing import YOUNG_PEOPLE, Standing, quiet_standing
+from icmj.experiments.recording import Recording
 from icmj.measurement.sway import MEASURES
 from icmj.report import style
 from icmj.report.experiment import Norms, Row

@@ -1,0 +1,46 @@
+"""The figure of the amplitude law: departures from the linear prediction against the threshold."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.case.quantity import in_unit, threshold_unit
+from icmj.case.result import AmplitudeLaw, Result
+from icmj.report import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def law_figure(result: Result) -> Figure:
+    """The figure of :func:`draw_law`, of a result that has a law."""
+    figure, (axes,) = style.new_figure()
+    assert result.law is not None
+    draw_law(axes, result.law, threshold_unit(result))
+    style.legend(figure, axes)
+    return figure
+
+
+def draw_law(axes: Axes, law: AmplitudeLaw, unit: str = "") -> None:
+    """Relative errors of interval and amplitude against the threshold on logarithmic axes, with the fitted lines."""
+    for values, slope, name, colour, marker in (
+        (law.interval_error, law.interval_slope, "interval", "#0072b2", "o"),
+        (law.amplitude_error, law.amplitude_slope, "amplitude", "#d55e00", "s"),
+    ):
+        size = np.abs(values)
+        known = np.isfinite(size) & (size > 0)
+        if not known.any():
+            continue
+        threshold, size = law.q_t[known], size[known]
+        # the fitted line has the given slope and passes through the points' centre
+        level = np.exp(np.mean(np.log(size)) - slope * np.mean(np.log(threshold)))
+        span = np.geomspace(threshold.min() / 1.5, threshold.max() * 1.5, 2)
+        axes.loglog(span, level * span**slope, color=colour, linewidth=0.8, linestyle=(0, (5, 1.5)))
+        axes.loglog(
+            threshold, size, marker, markersize=4, color=colour, markerfacecolor="white", markeredgewidth=1.0,
+            label=f"{name}, slope {slope:.3f}",
+        )  # fmt: skip
+    axes.set(xlabel=in_unit("threshold", unit), ylabel="relative error")

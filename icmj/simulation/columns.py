@@ -1,0 +1,39 @@
+"""Columns of recorded values of one kind, under their names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from icmj.base.array import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Some columns of one kind: rows (N, w), and values right after the events (K, w), ``None`` where not known."""
+
+    kind: str
+    bare: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    after: Array | None
+
+    def right_after(self, count: int) -> Array:
+        """Values right after the first events, NaN where not known."""
+        return np.full((count, len(self.bare)), np.nan) if self.after is None else self.after[:count]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns, each with the kind before it."""
+        return tuple(f"{self.kind}.{name}" if self.kind else name for name in self.bare)
+
+
+def columns(
+    kind: str, names: tuple[str, ...], units: tuple[str, ...], values: Array, after: Array | None = None
+) -> Block:
+    """The columns of ``values``, with numbers for names that are not known."""
+    width = values.shape[1]
+    names = names if len(names) == width else tuple(str(i) for i in range(width))
+    units = units if len(units) == width else ("",) * width
+    return Block(kind, names, units, values, after)

@@ -1,0 +1,85 @@
+"""A file is one concept: what is public in it uses one another, but for the files that say here why not."""
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[1] / "icmj"
+LARGE = 25  # lines, from which a group of names that use one another is a thing of its own
+# why a file holds several things that do not use each other
+TOGETHER = {
+    "base/bernstein": "a truncation for whoever bounds by the same polynomials",
+    "base/linking": "the one exception to public interfaces of libraries, with all that it needs",
+    "base/parquet": "whether a table ends the process that reads it is asked before it is read",
+    "case/case": "simulating without a run file is the same run",
+    "case/notices": "notices, each for itself",
+    "cli/files": "commands on files; each is to have a file of its own",
+    "cli/printing": "what commands print; each is to have it in a file of its own",
+    "controller/delay": "the delay, and the prediction over it",
+    "cycle/stability_changes": "test functions, and the search for their zeros",
+    "engine/forces": "forces, and motions of the ground as forces",
+    "fitting/recordings": "trials, and the public ones among them",
+    "linear/open_loop": "an interval, and its course",
+    "measurement/measurement": "a motion, and its growth",
+    "report/findings": "figures of fits and experiments, small ones",
+    "report/many_runs": "sections, each for itself",
+    "report/wording": "what several sections say",
+    "series/plates": "the load of plates, and what is left out by it",
+    "simulation/open_loop": "an interval, and its course, as both plants have them",
+    "simulation/taps": "the controller's numbers, and whether a plant has what it reads",
+    "study/kind": "what a kind of experiment offers, and what all of them share",
+    "study/periodic_response": "a response, and its figure",
+    "theory/reduction": "what is left out of the problem, and a family that this leaves",
+}
+
+
+def names_of(node: ast.stmt) -> list[str]:
+    """What a statement of a module defines."""
+    if isinstance(node, ast.FunctionDef | ast.ClassDef):
+        return [node.name]
+    if isinstance(node, ast.Assign):
+        return [each.id for target in node.targets for each in ast.walk(target) if isinstance(each, ast.Name)]
+    return [node.target.id] if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) else []
+
+
+def groups_of(source: str) -> list[tuple[str, ...]]:
+    """The public names of a module in groups of :data:`LARGE` lines or more that do not use each other."""
+    used, lines, group = {}, {}, {}
+    for node in ast.parse(source).body:
+        here = {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
+        # names of types in quotes, and of what is looked up by name
+        here |= {str(each.value) for each in ast.walk(node) if isinstance(each, ast.Constant)}
+        for name in names_of(node):
+            used[name], lines[name], group[name] = here, (node.end_lineno or 0) - node.lineno + 1, name
+
+    def head(name: str) -> str:
+        return name if group[name] == name else head(group[name])
+
+    for name, others in used.items():
+        for other in others & set(used):
+            group[head(name)] = head(other)
+    found = defaultdict(list)
+    for name in used:
+        found[head(name)].append(name)
+    return [
+        tuple(name for name in names if not name.startswith("_"))
+        for names in found.values()
+        if sum(lines[name] for name in names) >= LARGE and not all(name.startswith("_") for name in names)
+    ]
+
+
+def test_groups_are_found() -> None:
+    body = "\n".join(f"    x = {i}" for i in range(LARGE))
+    apart = f"def one():\n{body}\n\ndef two():\n{body}\n"
+    assert groups_of(apart) == [("one",), ("two",)]
+    assert groups_of(apart + "\ndef three():\n    one(), two()\n") == [("one", "two", "three")]
+    assert groups_of("def one():\n    pass\n\ndef two():\n    pass\n") == []
+
+
+def test_no_file_holds_two_things() -> None:
+    several = {
+        path.relative_to(PACKAGE).with_suffix("").as_posix(): groups
+        for path in PACKAGE.rglob("*.py")
+        if "native" not in path.parts and len(groups := groups_of(path.read_text(encoding="utf-8"))) > 1
+    }
+    assert several.keys() == TOGETHER.keys(), {name: several.get(name) for name in several.keys() ^ TOGETHER.keys()}
