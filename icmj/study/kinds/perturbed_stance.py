@@ -45,6 +45,21 @@ class FoundStance:
     channels: StanceChannels | None = None
 
     @property
+    def measured(self) -> Multisine:
+        """The response over all periods, and the remnant."""
+        return self.response.measured
+
+    @property
+    def theory(self) -> Array | None:
+        """Response of the channels at the excited lines, shape (L,)."""
+        return self.response.theory
+
+    @property
+    def each(self) -> tuple[Multisine, ...]:
+        """The response of each trial alone; empty for one trial."""
+        return self.response.each
+
+    @property
     def numbers(self) -> Mapping[str, float]:
         known = self.response.numbers
         found = {name: value for name, value in known.items() if name != "explained by continuous control"}
