@@ -647,10 +647,13 @@ text = {KIND_FILE!r}
 half = text[:text.index("    def draw_figure")] + text[text.index("    def caption"):]
 Path("half.py").write_text(half)
 Path("bad.py").write_text(text.replace("FoundDrift(np.array(", "FoundDrift(np.no_such_thing("))
+fails = "    output: Word\\n    def model_post_init(self, _): 1 / 0\\n"
+Path("worse.py").write_text(text.replace("    output: Word\\n", fails))
 for table, words in (
     ('["half:DriftTable"]\\noutput = "angle"', "half:DriftTable: a kind of experiment needs draw_figure"),
     ('["bad:FoundDrift"]\\n', "bad:FoundDrift: expected a class that inherits from icmj.study.Kind"),
     ('["bad:DriftTable"]\\n', "bad:DriftTable.output is missing"),
+    ('["worse:DriftTable"]\\noutput = "angle"', "worse:DriftTable fails (ZeroDivisionError"),
     ('["none:DriftTable"]\\n', "none:DriftTable: importing it fails (ModuleNotFoundError"),
 ):
     refuses(words, icmj.load_experiment, write(table), allow_code=True)

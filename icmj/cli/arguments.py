@@ -374,7 +374,7 @@ class ExperimentCommand(Command):
     until: float | None = None
     """Time up to which it is analysed [s]."""
     allow_code: bool = False
-    """Run Python code that the run files name as module:name. Read the code first."""
+    """Run Python code that the experiment file or run files name as module:name. Read the code first."""
     json: bool = False
     """Print JSON instead of a table."""
 

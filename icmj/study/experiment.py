@@ -219,12 +219,13 @@ def write_results(experiment: Experiment, kind: Kind, folder: Folder) -> None:
         StudyError: if a file cannot be written.
     """
     path = folder.path
+    with at_work(kind):
+        curves, numbers, rows = table(experiment), summary(experiment), _rows(experiment)
     try:
         with whole(path / RESULTS) as part:
-            pq.write_table(table(experiment), part)
-        write_text(path / SUMMARY, json.dumps(summary(experiment), indent=1, ensure_ascii=False) + "\n")
+            pq.write_table(curves, part)
+        write_text(path / SUMMARY, json.dumps(numbers, indent=1, ensure_ascii=False) + "\n")
         svg = _draw(experiment, kind, path)
-        rows = _rows(experiment)
         with at_work(kind):
             page = experiment_page(_title(experiment), kind, rows, svg, experiment.recordings, experiment.notes)
         write_text(path / PAGE, page)
@@ -352,11 +353,12 @@ def analyse_recordings(
     try:
         with at_work(kind):
             finding = kind.analyse(trials)
+            words = finding.words
     except DataError as error:
         which = str(recordings[0]) if len(trials) == 1 else f"{len(trials)} recordings"
         raise DataError(f"{which}: {error}") from error
     name = Path(recordings[0]).stem
-    told = CaseResult(name, name, "recording", finding, len(trials), finding.words)
+    told = CaseResult(name, name, "recording", finding, len(trials), words)
     experiment = Experiment(made, (told,), tuple(Path(path).name for path in recordings), tuple(notes))
     if out is not None:
         part = {"rate": rate, "since": since, "until": until}
@@ -472,17 +474,17 @@ def _trials(
 def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], None] | None = None) -> Recording:
     """One trial of a case on a plant."""
     with at_work(kind):
-        run = kind.stimulate(one.run, seed)
+        run, begin = kind.stimulate(one.run, seed), kind.begin
     case = LAST.get(run)
     case = replace(case, settings=reseed(case.settings, seed))
     found = simulate(case, one.plant, trigger=one.trigger(case), progress=progress)
     whole = found.outcome.kind not in ("fell", "diverged", "interrupted")
     # what stands for continuous control is a clock of a few milliseconds, whose ticks are no events
     events = found.events.t[:0] if one.table.control == "continuous" else found.events.t
-    events = events[between(events, kind.begin)] - kind.begin
+    events = events[between(events, begin)] - begin
     with at_work(kind):
         signals = kind.recorded(case, found)
-    signals = replace(signals, facts={**signals.facts, SETTLED: f"{kind.begin:g} s are left out"})
+        signals = replace(signals, facts={**signals.facts, SETTLED: f"{begin:g} s are left out"})
     return Recording(signals, events, "completed" if whole else found.outcome.kind)
 
 
@@ -498,6 +500,6 @@ def _analyse(kind: Kind, one: Condition, case: Case, trials: Sequence[Recording]
     try:
         with at_work(kind):
             finding = kind.analyse(trials, _set_controller(one, case), one.plant)
-        return CaseResult(one.case, one.title, one.plant, finding, len(trials), finding.words)
+            return CaseResult(one.case, one.title, one.plant, finding, len(trials), finding.words)
     except IcmjError as error:
         return CaseResult(one.case, one.title, one.plant, None, len(trials), f"no conclusion, because {error}")

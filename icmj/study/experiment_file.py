@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field, PrivateAttr, create_model, model_validator
 
-from icmj.errors import RunFileError
+from icmj.base.text import one_line
+from icmj.errors import IcmjError, RunFileError
 from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import Interval, Line, Name, TomlTable
@@ -84,7 +85,14 @@ class ExperimentFile(FileOfRuns):
             own = {key: find_kind(code, key) for key in data if re.fullmatch(REFERENCE, key)}
         except RunFileError as error:
             raise RunFileError(f"{path}: {error}") from error
-        made = (_add_tables(cls, own) if own else cls)._read(data, path, text)
+        try:
+            made = (_add_tables(cls, own) if own else cls)._read(data, path, text)
+        except IcmjError:
+            raise
+        except Exception as error:  # of the code that checks such a table
+            if not own:
+                raise
+            raise RunFileError(f"{path}: {next(iter(own))} fails ({one_line(repr(error), 200)})") from error
         made._runs = tuple(
             made._run(case.run, case.set, f"case[{i}].set", allow_code) for i, case in enumerate(made.case)
         )

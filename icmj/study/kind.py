@@ -77,7 +77,7 @@ class Kind(TomlTable, ABC):
 
     meaning: ClassVar[str]
     """What it is, in one sentence, for the reference."""
-    first_run: ClassVar[str]
+    first_run: ClassVar[str] = "simple-0.8"
     """The shipped case that a first file is of where none is given."""
     first_changes: ClassVar[Mapping[str, Any]] = {}
     """What each case of a first file of this shipped case changes."""
@@ -87,9 +87,9 @@ class Kind(TomlTable, ABC):
     """Whether the page gives numbers in the units in which people read them, such as mm and degrees."""
 
     @classmethod
-    @abstractmethod
     def first_values(cls, names: Names, shipped: bool) -> dict[str, Any]:
         """The keys that have a value in a first file, for a plant; ``shipped`` if it is that of ``first_run``."""
+        return {}
 
     @abstractmethod
     def stimulate(self, run: RunFile, seed: int) -> RunFile:
@@ -173,7 +173,7 @@ def find_kind(code: Code, reference: str) -> type[Kind]:
     found = code.find(reference)
     if not (isinstance(found, type) and issubclass(found, Kind)):
         raise RunFileError(f"{reference}: expected a class that inherits from icmj.study.Kind")
-    if missing := sorted(found.__abstractmethods__):
+    if missing := [*sorted(found.__abstractmethods__), *(() if hasattr(found, "meaning") else ("meaning",))]:
         raise RunFileError(f"{reference}: a kind of experiment needs {', '.join(missing)}")
     return found
 
