@@ -550,7 +550,7 @@ class DriftTable(Kind):
     def stimulate(self, run: RunFile, seed: int) -> RunFile:
         return set_duration(run, self.duration, 100.0)
 
-    def recorded(self, case: Case, simulation: Simulation) -> Series:
+    def record(self, case: Case, simulation: Simulation) -> Series:
         return sample_rows(simulation.to_series().chosen([f"y.{self.output}"]), simulation, 100.0)
 
     def read(self, series: Series) -> Series:
@@ -561,7 +561,7 @@ class DriftTable(Kind):
     ) -> FoundDrift:
         return FoundDrift(np.array([one.series.values.mean() for one in recordings]))
 
-    def draw_figure(self, found: Sequence[CaseResult]) -> Figure:
+    def draw(self, found: Sequence[CaseResult]) -> Figure:
         figure, (axes,) = style.new_figure()
         axes.plot([one.finding.numbers["mean (rad)"] for one in found if one.finding], "o")
         return figure
@@ -644,13 +644,13 @@ for table, words in (
 ):
     refuses(words, icmj.load_experiment, write(table))
 text = {KIND_FILE!r}
-half = text[:text.index("    def draw_figure")] + text[text.index("    def caption"):]
+half = text[:text.index("    def draw")] + text[text.index("    def caption"):]
 Path("half.py").write_text(half)
 Path("bad.py").write_text(text.replace("FoundDrift(np.array(", "FoundDrift(np.no_such_thing("))
 fails = "    output: Word\\n    def model_post_init(self, _): 1 / 0\\n"
 Path("worse.py").write_text(text.replace("    output: Word\\n", fails))
 for table, words in (
-    ('["half:DriftTable"]\\noutput = "angle"', "half:DriftTable: a kind of experiment needs draw_figure"),
+    ('["half:DriftTable"]\\noutput = "angle"', "half:DriftTable: a kind of experiment needs draw"),
     ('["bad:FoundDrift"]\\n', "bad:FoundDrift: expected a class that inherits from icmj.study.Kind"),
     ('["bad:DriftTable"]\\n', "bad:DriftTable.output is missing"),
     ('["worse:DriftTable"]\\noutput = "angle"', "worse:DriftTable fails (ZeroDivisionError"),

@@ -238,7 +238,7 @@ def _draw(experiment: Experiment, kind: Kind, path: Path) -> bytes | None:
         return None
     with style.apply():
         with at_work(kind):
-            figure = kind.draw_figure(experiment.found)
+            figure = kind.draw(experiment.found)
         svg, png = style.save(figure, "svg"), BytesIO()
         figure.savefig(png, format="png", dpi=200, metadata={"Software": None})
     write_bytes(path / f"{FIGURE}.svg", svg)
@@ -483,7 +483,7 @@ def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], Non
     events = found.events.t[:0] if one.table.control == "continuous" else found.events.t
     events = events[between(events, begin)] - begin
     with at_work(kind):
-        signals = kind.recorded(case, found)
+        signals = kind.record(case, found)
         signals = replace(signals, facts={**signals.facts, SETTLED: f"{begin:g} s are left out"})
     return Recording(signals, events, "completed" if whole else found.outcome.kind)
 

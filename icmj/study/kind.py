@@ -105,7 +105,7 @@ class Kind(TomlTable, ABC):
         return 0.0
 
     @abstractmethod
-    def recorded(self, case: Case, simulation: Simulation) -> Series:
+    def record(self, case: Case, simulation: Simulation) -> Series:
         """The evenly sampled signals of a run that the analysis needs; a recording of people contains the same."""
 
     @abstractmethod
@@ -133,7 +133,7 @@ class Kind(TomlTable, ABC):
         """
 
     @abstractmethod
-    def draw_figure(self, found: Sequence[CaseResult]) -> Figure:
+    def draw(self, found: Sequence[CaseResult]) -> Figure:
         """The figure of all results."""
 
     @abstractmethod

@@ -138,7 +138,7 @@ def whole_periods(series: Series, period: float) -> Series:
     return series if count < 1 else series.until(begin + count * period - step / 2)
 
 
-def multisine_figure(found: Sequence[ShownResult], units: tuple[str, str]) -> Figure:
+def draw_response(found: Sequence[ShownResult], units: tuple[str, str]) -> Figure:
     """Gain with 95 % confidence, phase, power; line: theory; rings and crosses: excited lines; points: the remnant.
 
     ``units`` are those of stimulus and response.

@@ -280,7 +280,7 @@ def by_experiment(run: RunFile, plant: Plant) -> Simulation:
     found = trial(kind, one, 7)
     stimulated = kind.stimulate(run, 7)
     alone = simulated(stimulated, plant, 7)
-    np.testing.assert_array_equal(found.series.values, kind.recorded(prepared(stimulated), alone).values)
+    np.testing.assert_array_equal(found.series.values, kind.record(prepared(stimulated), alone).values)
     t, settle = alone.events.t, kind.begin  # a trial begins where the run has settled
     np.testing.assert_array_equal(found.events, t[t >= settle - 1e-9] - settle)
     return simulated(run, plant)
@@ -398,7 +398,7 @@ def test_trials_of_one_process_have_each_their_own_set_point(base: RunFile) -> N
         for seed in (3, 4):
             found = trial(kind, one, seed).series
             run = kind.stimulate(one.run, seed)
-            np.testing.assert_array_equal(found.values, kind.recorded(prepared(run), simulated(run, "linear")).values)
+            np.testing.assert_array_equal(found.values, kind.record(prepared(run), simulated(run, "linear")).values)
 
 
 def test_what_theory_is_of_knows_neither_set_point_nor_disturbance(base: RunFile) -> None:

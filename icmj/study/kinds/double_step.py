@@ -191,7 +191,7 @@ class DoubleStepTable(Kind):
         assert end is not None
         return set_duration(moved, end, self.rate)
 
-    def recorded(self, case: Case, simulation: Simulation) -> Series:
+    def record(self, case: Case, simulation: Simulation) -> Series:
         name = self.control or f"u.{simulation.labels.inputs[0]}"
         one = sample_rows(simulation.to_series().chosen([name]), simulation, self.rate)
         r = simulation.setpoint
@@ -235,9 +235,9 @@ class DoubleStepTable(Kind):
         pooled = analyse_reactions(isi, rt, step, self.shortest) if agree else None
         return FoundDoubleStep(directions, pooled, seen[0], _doubts(seen, self.latest))
 
-    def draw_figure(self, found: Sequence[CaseResult]) -> Figure:
+    def draw(self, found: Sequence[CaseResult]) -> Figure:
         of = [one.finding for one in found if isinstance(one.finding, FoundDoubleStep)]
-        return double_step_figure(found, of[0].seen if of else None)
+        return draw_reaction_times(found, of[0].seen if of else None)
 
     def caption(self, rows: Sequence[Row]) -> str:
         return (
@@ -265,7 +265,7 @@ class DoubleStepTable(Kind):
         )
 
 
-def double_step_figure(found: Sequence[ShownResult], example: Reconstruction | None) -> Figure:
+def draw_reaction_times(found: Sequence[ShownResult], example: Reconstruction | None) -> Figure:
     """RT1 (open) and RT2 (filled) of every case against the interval, and one reversal as it was reconstructed.
 
     Of a case whose directions differ, both are drawn.

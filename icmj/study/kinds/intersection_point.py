@@ -164,7 +164,7 @@ class IntersectionPointTable(Kind):
     def begin(self) -> float:
         return self.settle
 
-    def recorded(self, case: Case, simulation: Simulation) -> Series:
+    def record(self, case: Case, simulation: Simulation) -> Series:
         axis = self.axis
         names = (f"force.{axis}", "force.z", f"cop.{axis}")
         force = ground_force(_model(case), simulation).chosen(names)
@@ -209,8 +209,8 @@ class IntersectionPointTable(Kind):
         mean, deviation = average(points)
         return FoundPoint(mean, deviation, None if case is None else self._theory(case, mean), tuple(points))
 
-    def draw_figure(self, found: Sequence[CaseResult]) -> Figure:
-        return intersection_figure(found)
+    def draw(self, found: Sequence[CaseResult]) -> Figure:
+        return draw_heights(found)
 
     def _theory(self, case: Case, like: IntersectionPoint) -> IntersectionPoint | None:
         """Curve of the continuous loop under noise alone; ``None`` if control is intermittent or has no curve."""
@@ -280,7 +280,7 @@ def _density(source: Source, frequency: Array) -> Array:
     )
 
 
-def intersection_figure(found: Sequence[ShownResult]) -> Figure:
+def draw_heights(found: Sequence[ShownResult]) -> Figure:
     """z over the height of the centre of mass against frequency; dotted: that height, thin: theory."""
     figure, (axes,) = style.new_figure(80.0, width=140.0)
     ratios, lowest = True, 1.0

@@ -22,7 +22,7 @@ from icmj.series.series import Series
 from icmj.simulation.settings import Sinusoids
 from icmj.simulation.simulation import Simulation
 from icmj.study.kind import CaseResult, Kind, Names, Rate, Word, sample_rows, set_duration
-from icmj.study.periodic_response import PeriodicResponse, analyse_trials, multisine_figure, take_periods, whole_periods
+from icmj.study.periodic_response import PeriodicResponse, analyse_trials, draw_response, take_periods, whole_periods
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -109,7 +109,7 @@ class MultisineTable(Kind):
     def begin(self) -> float:
         return self.settle * self.period
 
-    def recorded(self, case: Case, simulation: Simulation) -> Series:
+    def record(self, case: Case, simulation: Simulation) -> Series:
         whole = simulation.to_series()
         name = self._response(simulation.labels.inputs)
         pair = whole.chosen([name])
@@ -141,9 +141,9 @@ class MultisineTable(Kind):
         units = (trials[0].units[0], trials[0].units[1])
         return PeriodicResponse(found, None if case is None else self._theory(case, found.line), units, each)
 
-    def draw_figure(self, found: Sequence[CaseResult]) -> Figure:
+    def draw(self, found: Sequence[CaseResult]) -> Figure:
         units = (one.finding.units for one in found if isinstance(one.finding, PeriodicResponse))
-        return multisine_figure(found, next(units, ("", "")))
+        return draw_response(found, next(units, ("", "")))
 
     def _response(self, inputs: Sequence[str]) -> str:
         return self.response or f"u.{self.input or inputs[0]}"

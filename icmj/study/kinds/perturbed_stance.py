@@ -23,7 +23,7 @@ from icmj.series.units import in_si
 from icmj.simulation.simulation import Simulation
 from icmj.simulation.ternary import ternary_lines
 from icmj.study.kind import HALF, CaseResult, Kind, Names, Rate, Word, sample_rows, say_first, set_duration
-from icmj.study.periodic_response import PeriodicResponse, analyse_trials, multisine_figure, take_periods, whole_periods
+from icmj.study.periodic_response import PeriodicResponse, analyse_trials, draw_response, take_periods, whole_periods
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -190,7 +190,7 @@ class PerturbedStanceTable(Kind):
     def begin(self) -> float:
         return self.settle * self.period
 
-    def recorded(self, case: Case, simulation: Simulation) -> Series:
+    def record(self, case: Case, simulation: Simulation) -> Series:
         name = self.output or case.actual.linearisation.plant.outputs[0]
         one = sample_rows(simulation.to_series().chosen([f"y.{name}"]), simulation, self.rate, self.begin)
         tilt = self._tilt(one.t + (self.begin if len(one) > 1 else 0.0))
@@ -215,9 +215,9 @@ class PerturbedStanceTable(Kind):
         units = (trials[0].units[0], trials[0].units[1])
         return FoundStance(PeriodicResponse(found, theory, units, each), channels)
 
-    def draw_figure(self, found: Sequence[CaseResult]) -> Figure:
+    def draw(self, found: Sequence[CaseResult]) -> Figure:
         units = (one.finding.response.units for one in found if isinstance(one.finding, FoundStance))
-        return multisine_figure(found, next(units, ("", "")))
+        return draw_response(found, next(units, ("", "")))
 
     def _lines(self) -> Array:
         return ternary_lines(self.size, self.interval, self.highest)

@@ -64,7 +64,7 @@ class QuietStandingTable(Kind):
     def begin(self) -> float:
         return self.settle
 
-    def recorded(self, case: Case, simulation: Simulation) -> Series:
+    def record(self, case: Case, simulation: Simulation) -> Series:
         columns, model = tuple(self.columns), case.actual
         whole = simulation.to_series()
         if isinstance(model, MujocoPlant) and (not columns or any(name.startswith("cop.") for name in columns)):
@@ -87,8 +87,8 @@ class QuietStandingTable(Kind):
     ) -> Standing:
         return quiet_standing(recordings, low_pass=self.low_pass)
 
-    def draw_figure(self, found: Sequence[CaseResult]) -> Figure:
-        return standing_figure(found)
+    def draw(self, found: Sequence[CaseResult]) -> Figure:
+        return draw_distributions(found)
 
     def caption(self, rows: Sequence[Row]) -> str:
         names = [name for row in rows for name in row.numbers]
@@ -136,7 +136,7 @@ def measured_signals(names: Sequence[str]) -> list[str]:
     return [name.partition(", RMS")[0] for name in names if ", RMS" in name]
 
 
-def standing_figure(found: Sequence[ShownResult]) -> Figure:
+def draw_distributions(found: Sequence[ShownResult]) -> Figure:
     """Left: density of the first signal in units of its deviation, dotted: normal; right: density of the intervals."""
     from matplotlib.figure import Figure
 
