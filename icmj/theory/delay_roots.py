@@ -108,16 +108,16 @@ def rightmost_roots(loop: DelayLoop, count: int = 4) -> np.ndarray:
     if not len(loop.tau):
         roots = np.linalg.eigvals(loop.F).astype(complex)
         return roots[falling(roots.real, -np.abs(roots.imag), roots.imag)]
-    points = _FEWEST
+    points, slow = _FEWEST, _rate(loop)
     while points <= _MOST:
         guesses = np.linalg.eigvals(_generator(loop, points))
         order = falling(guesses.real.astype(np.float64), np.abs(guesses.imag).astype(np.float64))
         # what turns faster than these points can follow is none, and stands in crowds
         guesses = guesses[order][np.abs(guesses[order]) * loop.tau.max() < points][: 2 * count + 4]
-        found = _distinct([root for guess in guesses if (root := _polish(loop, complex(guess))) is not None])
+        found = _distinct([root for guess in guesses if (root := _polish(loop, complex(guess))) is not None], slow)
         last = min(count, len(found))
         if last:
-            while last < len(found) and found[last - 1].real - found[last].real < _SAME * (1 + abs(found[last])):
+            while last < len(found) and found[last - 1].real - found[last].real < _SAME * (slow + abs(found[last])):
                 last += 1
             # a line between the last that is wanted and the next, or where there seems to be none
             next = found[last].real if last < len(found) else found[-1].real - 2 / loop.tau.max()
@@ -189,7 +189,7 @@ def _polish(loop: DelayLoop, s: complex) -> complex | None:
     """
     from scipy.linalg import matrix_balance
 
-    start, before = s, np.inf
+    start, before, slow = s, np.inf, _rate(loop)
     scale = matrix_balance(np.abs(loop.characteristic(s)), permute=False, separate=True)[1][0]
     units = scale / scale[:, None]
     *_, right = np.linalg.svd(loop.characteristic(s) * units)
@@ -206,26 +206,31 @@ def _polish(loop: DelayLoop, s: complex) -> complex | None:
         v, s = v + step[:N], s + complex(step[N])
         if not np.isfinite(s):
             return None
-        moved = abs(step[N]) / (1 + abs(s))
+        moved = abs(step[N]) / (slow + abs(s))
         if moved <= 1e-14 or before <= moved < _CLOSE:
             break
         before = moved
     else:
         return None
-    return s if abs(s - start) <= 0.1 * (1 + abs(start)) else None
+    return s if abs(s - start) <= 0.1 * (slow + abs(start)) else None
 
 
-def _distinct(roots: list[complex]) -> np.ndarray:
+def _distinct(roots: list[complex], slow: float) -> np.ndarray:
     """Each once, with its conjugate, by falling real part; real ones without an imaginary part."""
     kept: list[complex] = []
     for root in roots:
         root = complex(root.real, abs(root.imag))
-        if root.imag < _SAME * (1 + abs(root)):
+        if root.imag < _SAME * (slow + abs(root)):
             root = complex(root.real)
-        if not any(abs(root - other) < _SAME * (1 + abs(root)) for other in kept):
+        if not any(abs(root - other) < _SAME * (slow + abs(root)) for other in kept):
             kept.append(root)
     whole = np.array([each for root in kept for each in ([root, root.conjugate()] if root.imag else [root])])
     return whole[falling(whole.real, -np.abs(whole.imag), whole.imag)] if len(whole) else whole
+
+
+def _rate(loop: DelayLoop) -> float:
+    """What slow roots are measured by [1/s]: the inverse of the longest delay, or the size of F where there is none."""
+    return 1 / float(loop.tau.max()) if len(loop.tau) else float(np.linalg.norm(loop.F))
 
 
 def count_unstable(loop: DelayLoop) -> int:
@@ -236,7 +241,7 @@ def count_unstable(loop: DelayLoop) -> int:
     Δ(s) with its integral.
     """
     equations = DelayLoop(loop.F, loop.G, loop.tau)
-    line = NEUTRAL * (1 / float(loop.tau.max()) if len(loop.tau) else float(np.linalg.norm(loop.F)))
+    line = NEUTRAL * _rate(loop)
     return _number_right_of(equations, line) - int((loop.left_out.real > line).sum())
 
 
@@ -247,7 +252,7 @@ def _number_right_of(loop: DelayLoop, line: float) -> int:
     |s| is at most the spectral radius of the latter, which bounds the region. Half of it is the mirror image.
     """
     delayed = np.tensordot(np.exp(-min(line, 0.0) * loop.tau), np.abs(loop.G), axes=1)
-    far = float(np.abs(np.linalg.eigvals(np.abs(loop.F) + delayed)).max()) + 1.0 + abs(line)
+    far = float(np.abs(np.linalg.eigvals(np.abs(loop.F) + delayed)).max()) + _rate(loop) + abs(line)
     corners = [complex(far), complex(far, far), complex(line, far), complex(line)]
     return round(sum(_turn(loop, a, b) for a, b in pairwise(corners)) / np.pi)
 

@@ -141,3 +141,14 @@ def test_no_unit_of_time_changes_how_many_roots_grow(unit):
         assert count_unstable(DelayLoop(F / unit, G / unit, tau * unit)) == found
         grown += found
     assert grown > 5
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e-3, 3600.0, 1e9])
+def test_no_unit_of_time_changes_which_roots_are_rightmost(unit):
+    rng = np.random.default_rng(4)
+    for _ in range(5):
+        n, k = rng.integers(1, 4), rng.integers(1, 3)
+        F, G, tau = rng.normal(size=(n, n)), rng.normal(size=(k, n, n)), rng.uniform(0.05, 1, k)
+        expected = rightmost_roots(DelayLoop(F, G, tau), 3)
+        found = rightmost_roots(DelayLoop(F / unit, G / unit, tau * unit), 3) * unit
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
