@@ -129,6 +129,20 @@ def balanced_modes(W: Array) -> tuple[Array, Array, Array]:
     return scales, *np.linalg.eigh(W / scales / scales[:, None])
 
 
+def exponential(M: Array) -> Array:
+    """e^M, balanced first: where states differ by orders of magnitude, SciPy alone loses many digits.
+
+    What does not act on a state, by no way through others, keeps an exact zero: round-off of x must not leak into d.
+    """
+    from scipy.linalg import expm, matrix_balance
+
+    balanced, (scale, _) = matrix_balance(M, permute=False, separate=True)
+    acts = np.eye(len(M), dtype=bool) | (M != 0)
+    for _ in range(len(M).bit_length()):
+        acts = acts @ acts
+    return np.where(acts, expm(balanced) * (scale[:, None] / scale), 0.0)
+
+
 def naturals(given: object, what: str, error: type[Exception]) -> NDArray[np.int64]:
     """A vector of whole numbers from 0 to 2⁶³ − 1, or of one such number.
 

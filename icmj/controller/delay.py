@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from icmj.base.array import RELATIVE_ROUNDING, Array
+from icmj.base.array import RELATIVE_ROUNDING, Array, exponential
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.errors import AnalysisError
@@ -94,8 +94,6 @@ def predictor(design: Design, hold: Hold, delay: float, resets: Sequence[float] 
     Raises:
         AnalysisError: if the model or the hold grows so much over the delay that no digit of the prediction is right.
     """
-    from scipy.linalg import expm
-
     n, known = design.plant.n, 2 + len(resets)
     M = np.block([[design.plant.A, -design.plant.B @ design.k], [np.zeros((n, n)), hold.A_h]])
     fastest = float(np.linalg.eigvals(M).real.max())
@@ -106,8 +104,8 @@ def predictor(design: Design, hold: Hold, delay: float, resets: Sequence[float] 
         )
     state, now = np.eye(2 * n, known * n), 0.0
     for j, at in enumerate(resets):
-        state = expm(M * (at - now)) @ state
+        state = exponential(M * (at - now)) @ state
         state[n:] = 0
         state[n:, (2 + j) * n : (3 + j) * n] = np.eye(n)
         now = at
-    return np.asarray((expm(M * (delay - now)) @ state)[:n])
+    return np.asarray((exponential(M * (delay - now)) @ state)[:n])

@@ -7,8 +7,6 @@ All come from one series. With s = (z, f) and G its generator, of which f is a s
 cut where nothing is left of it. The same series is split where a step is to be dismissed quickly: a short polynomial by
 its control points, and a bound of the rest.
 
-The matrix exponential with balancing, for badly scaled states.
-
 Exogenous inputs of a linear loop computed in advance: their polynomials on steps, and the response to them.
 
 Steps lie on a grid of their own, the same for every motion, so all that does not depend on the state is a product of
@@ -27,27 +25,12 @@ from math import comb, factorial, prod
 import numpy as np
 from numpy.polynomial.chebyshev import cheb2poly, chebvander
 
-from icmj.base.array import Array
+from icmj.base.array import Array, exponential
 from icmj.base.bernstein import economise, from_powers
 from icmj.linear.loop import Forcing, LinearLoop
 from icmj.linear.native.motion import Acting, Tables
 from icmj.simulation.settings import Gaussian, at_points, lines
 from icmj.simulation.sinusoids import Waves, coefficients, enough, nodes, on_parts
-
-
-def exponential(M: Array) -> Array:
-    """e^M, balanced first: where states differ by orders of magnitude, SciPy alone loses two digits.
-
-    What does not act on a state, by no way through others, keeps an exact zero: round-off of x must not leak into d.
-    """
-    from scipy.linalg import expm, matrix_balance
-
-    balanced, (scale, _) = matrix_balance(M, permute=False, separate=True)
-    acts = np.eye(len(M), dtype=bool) | (M != 0)
-    for _ in range(len(M).bit_length()):
-        acts = acts @ acts
-    return np.where(acts, expm(balanced) * (scale[:, None] / scale), 0.0)
-
 
 _STRIDE = 16  # steps
 _AHEAD = 32  # strides that are worked out at once

@@ -24,9 +24,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import expm, matrix_balance
+from scipy.linalg import matrix_balance
 
-from icmj.base.array import Array, real
+from icmj.base.array import Array, exponential, real
 from icmj.controller.controller import ERRORS, Controller, compose
 from icmj.controller.delay import NO_DELAY, Delay, predictor
 from icmj.controller.design import Design
@@ -122,7 +122,7 @@ class ErrorSystem:
         """X̄ right after the action of an event from the state w at the event; shape (N, N_w)."""
         if not self.delay:
             return self.T_bar
-        flown = expm(self.A_C * self.delay.t_d)
+        flown = exponential(self.A_C * self.delay.t_d)
         original = self.to_original(np.eye(len(self.A_C))).T  # (x, x_o, x_h) from X̄
         E_p = predictor(self.design, self.hold or system_matched(self.design), self.delay.predicted)
         flown[self.n + self.n_hat :] = E_p @ original[self.n :] - self.T_hat @ flown[: self.n]
@@ -134,7 +134,7 @@ class ErrorSystem:
         Without a delay w = x̄ and φ(Δ) = 𝔗 A_D e^{Ā_C Δ} 𝔗̄ (eq. pd). With a delay w = X̄ and
         φ(Δ) = e^{Ā_C (Δ − t_d)} R.
         """
-        return np.asarray(self.exit @ expm(self.A_C * (delta - self.delay.t_d)) @ self.entry)
+        return np.asarray(self.exit @ exponential(self.A_C * (delta - self.delay.t_d)) @ self.entry)
 
     def start(self, w: Array) -> tuple[Array, Array, Array]:
         """(x, x_o, x_h) right after an event with the state w, shapes (n,), (n̂,), (n̂,)."""

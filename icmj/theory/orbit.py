@@ -17,9 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
-from icmj.base.array import Array, falling, leading
+from icmj.base.array import Array, exponential, falling, leading
 from icmj.base.bernstein import maxima
 from icmj.controller.controller import Controller, compose
 from icmj.controller.hold import system_matched
@@ -404,11 +403,11 @@ def clocked_map(plant: LinearPlant, controller: Controller) -> Array:
     loop = compose(plant, controller)
     interval, delay = controller.trigger.clock, controller.delay
     if not delay:
-        return np.asarray(loop.J @ expm(loop.F * interval))
+        return np.asarray(loop.J @ exponential(loop.F * interval))
     # of the events under way one acts in each interval; where the delay is a multiple of it, just before the next event
     acts = delay.t_d - (delay.in_flight(interval) - 1) * interval
     rest = max(interval - acts, 0.0)
-    return np.asarray(loop.J @ expm(loop.F * rest) @ loop.G @ expm(loop.F * acts))
+    return np.asarray(loop.J @ exponential(loop.F * rest) @ loop.G @ exponential(loop.F * acts))
 
 
 def is_stable(plant: LinearPlant, controller: Controller) -> bool:
