@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from icmj.base.array import Array
 from icmj.errors import AnalysisError
+from icmj.theory.error_system import flow
 from icmj.theory.reduction import Reduction
 
 
@@ -127,6 +128,11 @@ def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return np.triu_indices(count, 1)
 
 
+def height_of(g: Spectrum, delta: Array) -> Array:
+    """(|λ|² − 1)/(2Δ): positive outside, negative inside, at Δ = 0 the real part of g."""
+    return np.asarray(g.real + delta[..., None] * (g.real**2 + g.imag**2) / 2)
+
+
 def outside(g: Spectrum, delta: Array) -> NDArray[np.int_]:
     """Number of eigenvalues outside the circle at each node (at Δ = 0: about to be)."""
     return np.asarray((2 * g.real + delta[..., None] * np.abs(g) ** 2 > 1e-10).sum(axis=-1))
@@ -134,7 +140,7 @@ def outside(g: Spectrum, delta: Array) -> NDArray[np.int_]:
 
 def outwards(g: Spectrum, delta: Array) -> Spectrum:
     """Eigenvalues of G by falling distance from the circle, those outside first; last axis sorted."""
-    return np.take_along_axis(g, np.argsort(-_height(g, delta), axis=-1), axis=-1)
+    return np.take_along_axis(g, np.argsort(-height_of(g, delta), axis=-1), axis=-1)
 
 
 def near(g: Spectrum, delta: Array) -> NDArray[np.intp]:
@@ -144,7 +150,7 @@ def near(g: Spectrum, delta: Array) -> NDArray[np.intp]:
         g: sorted by :func:`outwards`, shape (P, nodes, m).
         delta: shape (P, nodes).
     """
-    height = _height(g, delta)
+    height = height_of(g, delta)
     panels, _, m = height.shape
     # motion of the i-th from node to node, and the gap to the next one, at the worse of two neighbouring nodes
     moved = np.abs(np.diff(height, axis=1))
@@ -211,11 +217,6 @@ def once(g: Spectrum) -> Spectrum:
     # where two clusters meet at a node, each still consists of a whole number of copies
     copies = int(np.gcd.reduce(np.concatenate(counts)))
     return np.array([np.repeat(mean, np.array(count) // copies) for mean, count in zip(means, counts, strict=True)])
-
-
-def _height(g: Spectrum, delta: Array) -> Array:
-    """(|λ|² − 1)/(2Δ): positive outside, negative inside, at Δ = 0 the real part of g."""
-    return np.asarray(g.real + delta[..., None] * (g.real**2 + g.imag**2) / 2)
 
 
 def _neighbours(values: Array) -> tuple[Array, Array]:
@@ -333,10 +334,20 @@ class EigenvalueBranch:
 
 
 class Spectra:
-    """Spectra of G(Δ) = (φ(Δ) − I)/Δ of a reduced error system; eigenvalues λ = 1 + Δg."""
+    """Spectra of G(Δ) = (φ(Δ) − I)/Δ of a reduced error system; eigenvalues λ = 1 + Δg.
 
-    def __init__(self, reduced: Reduction) -> None:
+    With an ``error``, of the system with every entry off by that much of its row.
+    """
+
+    def __init__(self, reduced: Reduction, error: float = 0.0) -> None:
         self.flow, self.left, self.right, self.t_d = reduced.flow, reduced.left, reduced.right, reduced.t_d
+        if error:
+            draw = np.random.default_rng(0).choice
+            A, right = (
+                M + error * np.linalg.norm(M, axis=1, keepdims=True) * draw([-1.0, 1.0], M.shape)
+                for M in (reduced.A, reduced.right)
+            )
+            self.flow, self.right = flow(A), right if self.t_d else self.right  # of zeros and ones without a delay
         self._jump = self.left @ self.right - np.eye(len(self.left))  # φ − I at Δ = t_d; zero without a delay
 
     @property

@@ -43,6 +43,7 @@ from icmj.base.array import Array
 from icmj.errors import AnalysisError
 from icmj.theory.circle import (
     DEGREE,
+    KINDS,
     Crossing,
     Direction,
     EigenvalueBranch,
@@ -53,6 +54,7 @@ from icmj.theory.circle import (
     circle_function,
     coefficients,
     distinct,
+    height_of,
     near,
     nodes,
     once,
@@ -79,6 +81,10 @@ _RESOLUTION = 1e-6  # in the search's own unit of time
 _NEAR = 2e-3  # zeros this close to each other or to the real axis, in half-panels, are zoomed into
 # With ‖φ‖ beyond this, eigenvalues at the circle are known to no better than about 1e-6
 _DROWNED = 1e8
+_ERROR = 1e-15  # relative: what rounding may make of an entry
+# heights above the circle that are zero to rounding, that may become so, and by which no rounding is to move these
+_CLOSE, _NEARBY, _BLURRED = 1e-8, 0.3, 1e-2
+_MARGIN = 10  # times as far as one error of this size moves a crossing, others may
 # panels that a search may take: no plant known needs a fifth of it, and small ones are through them in seconds
 _MOST_PANELS = 2000
 
@@ -135,14 +141,19 @@ def search(
         return Search((), delta_max)
     unit = 2.0 ** round(np.log2(delta_max / 3))
     fine = _RESOLUTION * unit if resolution is None else resolution
-    return _Finder(spectra, fine, unit, progress or (lambda _: None)).run(delta_start, delta_max)
+    return _Finder(spectra, Spectra(reduced, _ERROR), fine, unit, progress or (lambda _: None)).run(
+        delta_start, delta_max
+    )
 
 
 class _Finder:
     """The search on one system: panels, zeros, crossings."""
 
-    def __init__(self, spectra: Spectra, resolution: float, unit: float, progress: Callable[[float], None]) -> None:
+    def __init__(
+        self, spectra: Spectra, other: Spectra, resolution: float, unit: float, progress: Callable[[float], None]
+    ) -> None:
         self.spectra, self.resolution, self.unit, self.progress = spectra, resolution, unit, progress
+        self.other = other
         self.on, self.t_d = _ON, spectra.t_d
 
     def run(self, start: float, end: float) -> Search:
@@ -206,13 +217,43 @@ class _Finder:
         # by rounding two panels may disagree on the number outside where they meet, and in places again and again
         inner = [edge for edge in edges if start < edge[0] - width / 2 < end - width]
         unexplained += _join(_join(inner), (end - start) / _CROWD)
-        unknown = _join(
-            [*_join(blind, (end - start) / _CROWD), *((first, last, 1) for first, last, _ in _join(unexplained))]
-        )
-        unresolved = tuple((first, last) for first, last, _ in unknown)
         found = [c for c in found if start < c.delta <= end]
         apart = tuple(distinct(sorted(found, key=lambda c: c.delta), self.resolution))
-        return Search(apart, float(end), unresolved)
+        blind += self._doubtful(np.array([edge for edge, _, _ in edges]).reshape(-1, 2))
+        blurred = bool(blind)
+        blind += [(first, last, 1) for first, last, _ in _join(unexplained)]
+        doubted = _join(blind, (end - start) / _PANELS if blurred else 0.0)
+        wider = [(first - self._moved(first), last + self._moved(last)) for first, last, _ in doubted]
+        for c in apart:
+            moved = 0.0 if c.direction == "tangent" else self._moved(c.delta, c.kind)
+            if moved > _MARGIN * _RESOLUTION * self.unit:
+                wider.append((c.delta - moved, c.delta + moved))
+        unresolved = _join([(max(first, start), min(last, end), 1) for first, last in wider])
+        return Search(apart, float(end), tuple((float(first), float(last)) for first, last, _ in unresolved))
+
+    def _doubtful(self, panels: Array) -> list[tuple[float, float, int]]:
+        """Those panels (first and last Δ, shape (P, 2)) at whose ends or middle rounding decides what is outside."""
+        delta = np.column_stack([panels, panels.mean(axis=1)]).reshape(-1)
+        delta = np.maximum(delta, 1e-12 * panels.max(initial=0.0))
+        one, other = (height_of(of.at(delta) * self.unit, delta / self.unit) for of in (self.spectra, self.other))
+        nearest = np.minimum(np.abs(one), np.abs(other))
+        passed = (one * other < 0) & (nearest > _CLOSE)
+        blurred = (nearest < _NEARBY) & (np.abs(one - other) > _BLURRED)
+        doubtful = (passed | blurred).any(axis=1).reshape(-1, 3).any(axis=1)
+        return [(float(first), float(last), 1) for first, last in panels[doubtful]]
+
+    def _moved(self, delta: float, *kinds: Kind) -> float:
+        """How far rounding may move a crossing near ``delta``, of these kinds or of any [s]; 0 if there is none."""
+        farthest = 0.0
+        for kind in (kinds or KINDS) if delta > self.t_d else ():
+            here, there = (of.branch(kind, delta) for of in (self.spectra, self.other))
+            if here is None or there is None or not here.value or not there.value:
+                continue
+            level, slope = np.log(abs(here.value)), float(np.abs(here.rates.mean()))
+            off = abs(np.log(abs(there.value)) - level)
+            if abs(level) < max(_ON_AT_LAST, off) and slope > 0:
+                farthest = max(farthest, _MARGIN * (off + (0.0 if kinds else abs(level))) / slope)
+        return min(farthest, self.unit / _PANELS)  # farther, a slope tells nothing
 
     def _clear(self, end: float) -> float:
         """``end``, or the last Δ before it at which φ has not outgrown its rounding."""
