@@ -664,7 +664,7 @@ assert told.words.startswith("no conclusion, because bad:DriftTable fails (Attri
     FILE_OF
     + """
 from icmj.study.experiment_file import ExperimentFile
-from icmj.work.own_code import EXPERIMENTS
+from icmj.work.shipped import EXPERIMENTS
 gone, left = sys.argv[1], KINDS.names
 assert gone not in says("new", "--help") and gone not in str(json_schema("experiment"))
 refuses(f"{gone}: no such key", icmj.load_experiment, write(f"[{gone}]\\n"))
