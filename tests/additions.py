@@ -49,7 +49,7 @@ import sys, icmj
 from icmj.cli.main import main
 from icmj.errors import IcmjError
 from icmj.study.file_kinds import json_schema
-from icmj.work.own_code import RUNS
+from icmj.work.shipped import RUNS
 gone = sys.argv[1]
 json_schema("run")
 refused = []
@@ -267,7 +267,7 @@ import sys, icmj
 from icmj.errors import IcmjError
 from icmj.controller.rules import RULES
 from icmj.study.file_kinds import json_schema
-from icmj.work.own_code import RUNS
+from icmj.work.shipped import RUNS
 gone = sys.argv[1]
 keys = {"quadratic": {"q_t": 0.01}, "box": {"threshold": 0.01}}
 (other,) = RULES.names
