@@ -54,7 +54,8 @@ RECORDS = """
 import json
 from pathlib import Path
 from icmj.case.comparison import compare, to_json
-from icmj.study.study import PLANTS, find_runs, run_case
+from icmj.study.run_files import find_runs
+from icmj.study.study import PLANTS, run_case
 runs = find_runs([Path(name) for name in {names!r}])
 print(json.dumps([to_json(compare(run_case(run, plant))) for run in runs for plant in PLANTS]))
 """
