@@ -165,3 +165,18 @@ def test_resizing_scales_the_threshold_alone() -> None:
     assert (rule.size, larger.size, larger.delta_min) == (0.01, 0.05, 0.3)
     e = np.array([0.2, -0.1])
     np.testing.assert_allclose(larger.faces(design(2)).levels(5 * e), rule.faces(design(2)).levels(e))
+
+
+def test_a_weight_in_mixed_coordinates_of_any_unit_is_taken_and_weighs_what_it_did() -> None:
+    """E against the exact sum of what was given."""
+    random = np.random.default_rng(0)
+    for _ in range(200):
+        n = int(random.integers(1, 8))
+        M, R = random.standard_normal((n, n)), random.standard_normal((int(random.integers(1, n + 1)), n))
+        units = 10.0 ** random.uniform(-8, 8, n)
+        Q, e = M.T @ (R.T @ R) @ M * units * units[:, None], random.standard_normal(n) / units
+        found = EventTrigger(Q, 0.5).faces(design(n)).E(e) + 0.25
+        exact = sum(Fraction(a) * Fraction(b) * Fraction(c) for a, row in zip(e, Q, strict=True)
+                    for b, c in zip(row, e, strict=True))  # fmt: skip
+        # what cancels is rounding of what was given
+        assert abs(Fraction(found) - exact) < 1e-10 * (np.abs(e) @ np.abs(Q) @ np.abs(e))

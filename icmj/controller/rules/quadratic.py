@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import SEMIDEFINITE, Array, NonNegative, Positive, Weight, balanced_modes, real
+from icmj.base.array import RELATIVE_ROUNDING, Array, NonNegative, Positive, Weight, balanced_modes, real
 from icmj.controller.design import Design, output_weight
 from icmj.controller.trigger import EventRule, Faces, check_delta_min
 from icmj.errors import AnalysisError
@@ -43,7 +43,8 @@ class EventTrigger(EventRule):
         if Q.ndim != 2 or Q.shape[0] != Q.shape[1] or not np.isfinite(Q).all():
             raise AnalysisError(f"Q_t must be a finite square matrix, got shape {Q.shape}")
         Q = (Q + Q.T) / 2
-        if balanced_modes(Q)[1][0] < -SEMIDEFINITE:
+        # rounding of M'Q_tM is small beside Q_t, and less so beside an entry of its diagonal that nearly vanishes
+        if balanced_modes(Q)[1][0] < -RELATIVE_ROUNDING:
             raise AnalysisError("Q_t must be positive semidefinite; it has a negative eigenvalue")
         if not np.any(Q):
             raise AnalysisError("Q_t is zero: no hold error would ever be an event; weight at least one state")
