@@ -137,10 +137,10 @@ def exponential(M: Array) -> Array:
     from scipy.linalg import expm, matrix_balance
 
     balanced, (scale, _) = matrix_balance(M, permute=False, separate=True)
-    acts = np.eye(len(M), dtype=bool) | (M != 0)
-    for _ in range(len(M).bit_length()):
-        acts = acts @ acts
-    return np.where(acts, expm(balanced) * (scale[:, None] / scale), 0.0)
+    acts = np.eye(len(M)) + (M != 0)
+    for _ in range(len(M).bit_length()):  # as numbers, which BLAS multiplies; truth it does not
+        acts = np.minimum(acts @ acts, 1.0)
+    return np.where(acts > 0, expm(balanced) * (scale[:, None] / scale), 0.0)
 
 
 def naturals(given: object, what: str, error: type[Exception]) -> NDArray[np.int64]:
