@@ -125,10 +125,10 @@ def _apart(here: tuple[Array, Array], there: tuple[Array, Array], sign: int) -> 
 
 
 def trend(values: Array) -> Trend:
-    """Geometric trend of positive values; zeros count as the smallest normal number."""
+    """Geometric trend of values ≥ 0; zeros count as the smallest normal number, infinite ones as the largest."""
     if len(values) < 3:
         return Trend(1.0, False)
-    logs = np.log(np.maximum(values, np.finfo(float).tiny))
+    logs = np.log(np.clip(values, np.finfo(float).tiny, np.finfo(float).max))
     slope, _, explained = _line(logs)
     middle = len(logs) // 2
     (first, one, _), (second, other, _) = _line(logs[: middle + 1]), _line(logs[middle:])

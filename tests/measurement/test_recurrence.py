@@ -27,6 +27,13 @@ def test_a_geometric_sequence_has_a_trend_and_noise_no_clear_one():
     assert not trend(np.array([1.0, 0.1])).clear
 
 
+def test_what_outgrows_all_numbers_grows():
+    with np.errstate(over="ignore"):
+        fit = trend(np.float64(10.0) ** np.arange(200.0, 340.0, 20.0))  # the last one is infinite
+    assert fit.ratio > 1e15
+    assert fit.clear
+
+
 @pytest.mark.parametrize("scale", [0.6, 1.0, 1.3])
 def test_growth_of_a_spiral(scale):
     turn = scale * np.array([[np.cos(1.1), -2 * np.sin(1.1)], [0.5 * np.sin(1.1), np.cos(1.1)]])
