@@ -388,8 +388,8 @@ def _join(parts: list[tuple[float, float, int]], apart: float = 0.0) -> list[tup
     joined: list[tuple[float, float, int]] = []
     for first, last, count in sorted(parts):
         if joined and first <= joined[-1][1] * (1 + 1e-12) + apart:
-            begin, _, before = joined.pop()
-            first, count = begin, before + count
+            begin, until, before = joined.pop()
+            first, last, count = begin, max(until, last), before + count
         joined.append((first, last, count))
     return [part for part in joined if part[2]]
 

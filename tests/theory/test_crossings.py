@@ -230,6 +230,7 @@ def test_parts_that_cancel_or_touch_are_one():
     assert _join(parts) == [(0.5, 0.7, 2), (0.9, 1.0, -2)]
     assert _join([]) == []
     flicker = [(0.1, 0.1, 1), (0.15, 0.15, -1), (0.18, 0.18, 1), (0.5, 0.5, 1)]
+    assert _join([(0.1, 0.9, 1), (0.3, 0.4, 1)]) == [(0.1, 0.9, 2)]  # one within another
     assert _join(flicker, 0.06) == [(0.1, 0.18, 1), (0.5, 0.5, 1)]
 
 
