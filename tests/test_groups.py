@@ -29,7 +29,6 @@ TOGETHER = {
     "simulation/taps": "the controller's numbers, and whether a plant has what it reads",
     "study/kind": "what a kind of experiment offers, and what all of them share",
     "study/periodic_response": "a response, and its figure",
-    "theory/reduction": "what is left out of the problem, and a family that this leaves",
 }
 
 

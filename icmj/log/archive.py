@@ -55,8 +55,9 @@ from icmj.simulation.rows import collect_drives
 from icmj.simulation.simulation import Events, Simulation
 from icmj.theory.circle import Crossing
 from icmj.theory.orbit import Orbit
+from icmj.theory.orbit_family import OrbitFamily
 from icmj.theory.prediction import PredictedOrbit, Prediction
-from icmj.theory.reduction import NeutralMode, OrbitFamily
+from icmj.theory.reduction import NeutralMode
 
 if TYPE_CHECKING:
     from icmj.case.result import PredictedResult

@@ -1,6 +1,4 @@
-"""Eigenvalues of φ(Δ) at the unit circle: test functions, interpolation, spectra, and crossings as records.
-
-Chebyshev interpolation on [−1, 1]: nodes, coefficients, zeros.
+"""Eigenvalues of φ(Δ) at the unit circle: test functions, spectra, and crossings as records.
 
 Test functions whose zeros in Δ are the crossings of the unit circle, and the eigenvalues of which these are made.
 
@@ -26,37 +24,9 @@ from numpy.typing import NDArray
 
 from icmj.base.array import Array
 from icmj.errors import AnalysisError
+from icmj.theory.chebyshev import coefficients, parabola
 from icmj.theory.error_system import flow
 from icmj.theory.reduction import Reduction
-
-
-@cache
-def nodes(degree: int) -> Array:
-    """Chebyshev points of the second kind, rising."""
-    x = -np.cos(np.pi * np.arange(degree + 1) / degree)
-    x.flags.writeable = False
-    return x
-
-
-@cache
-def coefficients(degree: int) -> Array:
-    """Matrix from values at the nodes to Chebyshev coefficients."""
-    return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes(degree), degree)))
-
-
-@cache
-def parabola(degree: int) -> Array:
-    """Matrix from values at the nodes to the values of their quadratic Chebyshev part."""
-    return np.asarray(np.polynomial.chebyshev.chebvander(nodes(degree), 2) @ coefficients(degree)[:3])
-
-
-def roots(c: Array) -> NDArray[np.complex128]:
-    """All zeros of the series with coefficients ``c``; closing ones below rounding are left out."""
-    size = np.abs(c)
-    keep = np.flatnonzero(size > 1e-15 * size.max())
-    degree = int(keep[-1]) if len(keep) else 0
-    return np.atleast_1d(np.polynomial.chebyshev.chebroots(c[: degree + 1])).astype(complex)
-
 
 Kind = Literal["+1", "-1", "complex"]
 KINDS: tuple[Kind, ...] = ("+1", "-1", "complex")

@@ -41,6 +41,7 @@ from numpy.typing import NDArray
 
 from icmj.base.array import Array
 from icmj.errors import AnalysisError
+from icmj.theory.chebyshev import coefficients, nodes, roots
 from icmj.theory.circle import (
     DEGREE,
     KINDS,
@@ -52,15 +53,12 @@ from icmj.theory.circle import (
     Spectra,
     change_outside,
     circle_function,
-    coefficients,
     distinct,
     height_of,
     near,
-    nodes,
     once,
     outside,
     quiet,
-    roots,
     series,
     tail,
 )

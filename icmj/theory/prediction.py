@@ -37,16 +37,8 @@ from icmj.theory.orbit import (
     multipliers,
 )
 from icmj.theory.orbit import orbit as orbit_at
-from icmj.theory.reduction import (
-    NeutralMode,
-    OrbitFamily,
-    Reduction,
-    family,
-    mixtures,
-    modulo,
-    reduction,
-    stable_modulo_neutral,
-)
+from icmj.theory.orbit_family import OrbitFamily, family
+from icmj.theory.reduction import NeutralMode, Reduction, mixtures, modulo, reduction, stable_modulo_neutral
 
 PREDICTION = (
     Fact("delta_crit", "critical interval Δ_crit", "s", "critical open-loop interval", attrgetter("delta_crit")),

@@ -10,7 +10,7 @@ from log_cases import assert_same, awkward, made_up, standing
 from icmj.errors import LogError
 from icmj.log.archive import digest, pack, unpack
 from icmj.simulation.pressure import Pressure
-from icmj.theory.reduction import OrbitFamily
+from icmj.theory.orbit_family import OrbitFamily
 
 
 def test_pressure_comes_back_bit_for_bit_and_a_log_of_before_it_is_read() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from icmj.theory.circle import coefficients, nodes, parabola, roots
+from icmj.theory.chebyshev import coefficients, nodes, parabola, roots
 
 
 @pytest.mark.parametrize("degree", [3, 8, 24])

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from icmj.theory.circle import KINDS, away, circle_function, coefficients, near, nodes, once, outside, outwards
+from icmj.theory.chebyshev import coefficients, nodes
+from icmj.theory.circle import KINDS, away, circle_function, near, once, outside, outwards
 
 DELTA = 1.0 + 0.1 * nodes(8)
 
