@@ -51,8 +51,9 @@ def docstrings(model: type[BaseModel]) -> dict[str, str]:
     for cls in reversed(model.__mro__):
         if (setting := vars(cls).get("setting")) is not None:
             found |= read_meanings(setting)
+    # what keys_of and create_model made has no source of its own: it stands in its setting, or in its base
     for cls in reversed(model.__mro__):
-        if not cls.__module__.startswith("icmj.") or "setting" in vars(cls):
-            continue  # what keys_of made has no source of its own: it stands in its base
-        found |= attribute_docstrings(cls)
+        made = "setting" in vars(cls) or cls.__name__ in [base.__name__ for base in cls.__bases__]
+        if cls.__module__.startswith("icmj.") and not made:
+            found |= attribute_docstrings(cls)
     return {key: words for key, words in found.items() if key in model.model_fields}
