@@ -40,6 +40,10 @@ def test_integrators_that_nothing_reads_are_neutral_in_any_coordinates(seed):
     assert check("coordinates", seed, "linear") == ""
 
 
+def test_units_of_integrators_that_nothing_reads_make_no_loop_stiff():
+    assert check("units", 270000069, "linear") == ""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "plant"), [
     (4, "linear"),  # an action at the end of the run but for rounding

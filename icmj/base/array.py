@@ -129,18 +129,54 @@ def balanced_modes(W: Array) -> tuple[Array, Array, Array]:
     return scales, *np.linalg.eigh(W / scales / scales[:, None])
 
 
+def balance(M: Array, least: float = 0.0) -> tuple[Array, Array]:
+    """S⁻¹ M S with rows and columns of like norms, and the diagonal of S: powers of two, so that no digit is lost.
+
+    LAPACK passes over a row or column of zeros, such as an end of a chain of integrators has. What only acts on a part
+    that does not act back has no rate, and its size is a matter of units: it is made no larger than what acts both
+    ways, or than ``least`` where that is larger.
+
+    Args:
+        M: shape (N, N).
+        least: in the unit of M; with 0, there is no such bound where nothing acts both ways.
+
+    Returns:
+        S⁻¹ M S and the diagonal of S, shapes (N, N) and (N,).
+    """
+    from scipy.linalg import matrix_balance
+
+    with np.errstate(invalid="ignore"):  # scales beyond integers, among which SciPy seeks a permutation
+        balanced, (scale, _) = matrix_balance(M, permute=False, separate=True)
+    acts = _acts(M)
+    both = acts & acts.T
+    size = np.abs(balanced)
+    own = max(float(size[both].max(initial=0.0)), least)
+    if own > 0 and size.max(initial=0.0) > own:
+        one_way, part = np.where(both, 0.0, size / own), np.ones(len(M))
+        for _ in range(len(M)):  # along any chain of parts
+            reached = np.exp2(np.ceil(np.log2(np.maximum((one_way * part).max(axis=1), 1.0))))
+            part = np.where(both, reached, 1.0).max(axis=1)  # the states of a part together
+        balanced, scale = balanced * part / part[:, None], scale * part
+    return np.asarray(balanced), np.asarray(scale)
+
+
+def _acts(M: Array) -> NDArray[np.bool_]:
+    """Whether each state (row) is acted on by each other, itself included, by whatever way."""
+    acts = np.eye(len(M)) + (M != 0)
+    for _ in range(len(M).bit_length()):  # as numbers, which BLAS multiplies; truth it does not
+        acts = np.minimum(acts @ acts, 1.0)
+    return np.asarray(acts > 0)
+
+
 def exponential(M: Array) -> Array:
     """e^M, balanced first: where states differ by orders of magnitude, SciPy alone loses many digits.
 
     What does not act on a state, by no way through others, keeps an exact zero: round-off of x must not leak into d.
     """
-    from scipy.linalg import expm, matrix_balance
+    from scipy.linalg import expm
 
-    balanced, (scale, _) = matrix_balance(M, permute=False, separate=True)
-    acts = np.eye(len(M)) + (M != 0)
-    for _ in range(len(M).bit_length()):  # as numbers, which BLAS multiplies; truth it does not
-        acts = np.minimum(acts @ acts, 1.0)
-    return np.where(acts > 0, expm(balanced) * (scale[:, None] / scale), 0.0)
+    balanced, scale = balance(M, 1.0)
+    return np.where(_acts(M), expm(balanced) * (scale[:, None] / scale), 0.0)
 
 
 def naturals(given: object, what: str, error: type[Exception]) -> NDArray[np.int64]:

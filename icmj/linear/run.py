@@ -16,7 +16,7 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array
+from icmj.base.array import Array, balance
 from icmj.base.bernstein import from_powers
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.interruption import defer_interrupt
@@ -238,15 +238,13 @@ def _split(waves: Waves, duration: float, unit: float) -> tuple[Waves, _Lasting]
 
 def _rate(plant: LinearPlant, realisation: Realisation) -> float:
     """A bound on the rate of the loop's Taylor series: the norm of its matrices with and without undelayed taps."""
-    from scipy.linalg import matrix_balance
-
     norms = [0.0]
     for mode in realisation.modes:
         read = realisation.read(plant.C, mode)
         feedback = np.vstack([-plant.B @ mode.S[:, : len(read)], mode.N[:, : len(read)]]) @ read
         alone = np.block([[plant.A, -plant.B @ mode.K], [np.zeros((len(mode.M), plant.n)), mode.M]])
         closed = alone + feedback
-        norms += [float(np.linalg.norm(matrix_balance(M, permute=False)[0], 2)) for M in (alone, closed)]
+        norms += [float(np.linalg.norm(balance(M)[0], 2)) for M in (alone, closed)]
     return max(norms)
 
 

@@ -25,7 +25,7 @@ from math import comb, factorial, prod
 import numpy as np
 from numpy.polynomial.chebyshev import cheb2poly, chebvander
 
-from icmj.base.array import Array, exponential
+from icmj.base.array import Array, balance, exponential
 from icmj.base.bernstein import economise, from_powers
 from icmj.linear.loop import Forcing, LinearLoop
 from icmj.linear.native.motion import Acting, Tables
@@ -299,9 +299,7 @@ def sizes(turn: float) -> Array:
 
 def _step(M: Array, fastest: float) -> float:
     """The longest step on which short polynomials can exclude events and the series does not cancel [s]."""
-    from scipy.linalg import matrix_balance
-
-    balanced = matrix_balance(M, permute=False)[0]
+    balanced, _ = balance(M)
     norm = max(float(np.linalg.norm(balanced, 2)), 1e-300)
     mode = max(float(np.abs(np.linalg.eigvals(M)).max(initial=0.0)), 1e-300)
     h = min(_TURN / mode, _SWING / max(fastest, 1e-300), _NORM / norm, _LONGEST_STEP)

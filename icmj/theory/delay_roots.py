@@ -32,7 +32,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, falling
+from icmj.base.array import Array, balance, falling
 from icmj.controller.controller import Law
 from icmj.controller.predictor import PredictorController
 from icmj.errors import AnalysisError, expect
@@ -187,10 +187,8 @@ def _polish(loop: DelayLoop, s: complex) -> complex | None:
     Its steps end where they stop falling, which large gains let them do long before the last bit of s. States are
     balanced, so that their units do not decide which v it begins with.
     """
-    from scipy.linalg import matrix_balance
-
     start, before, slow = s, np.inf, _rate(loop)
-    scale = matrix_balance(np.abs(loop.characteristic(s)), permute=False, separate=True)[1][0]
+    _, scale = balance(np.abs(loop.characteristic(s)))
     units = scale / scale[:, None]
     *_, right = np.linalg.svd(loop.characteristic(s) * units)
     N = len(right)

@@ -24,9 +24,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import matrix_balance
 
-from icmj.base.array import Array, exponential, real
+from icmj.base.array import Array, balance, exponential, real
 from icmj.controller.controller import ERRORS, Controller, compose
 from icmj.controller.delay import NO_DELAY, Delay, predictor
 from icmj.controller.design import Design
@@ -195,7 +194,6 @@ def error_system(
 _TERMS = 18  # 1/19! = 8e-18: the Taylor series to rounding for ‖Ā_C t‖ ≤ 1
 # With ‖Ā_C‖t beyond this the rounding of e^{Ā_C t} may reach 1e-6, and no eigenvalue can be placed on the circle
 _STIFFEST = 1e-6 / np.finfo(float).eps
-_ABSURD = 1e15  # entries whose eighteenth power soon overflows
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +204,8 @@ class Flow:
         A_C: Ā_C, shape (N, N).
         balanced: S⁻¹ Ā_C S, shape (N, N).
         scale: diagonal of S, shape (N,).
-        series: (S⁻¹ Ā_C S)^k / k! for k = 1 … 18, shape (18, N, N).
+        series: (S⁻¹ Ā_C S u)^k / k! for k = 1 … 18, shape (18, N, N).
+        unit: u, the power of two next to ``reach``, so that no unit of time makes the powers overflow [s].
         reach: largest t of one Taylor series [s], where ‖S⁻¹ Ā_C S‖ t = 1.
     """
 
@@ -214,6 +213,7 @@ class Flow:
     balanced: Array
     scale: Array
     series: Array
+    unit: float
     reach: float
 
     def increment(self, t: ArrayLike) -> Array:
@@ -287,7 +287,7 @@ class Flow:
         return max(0, int(np.ceil(np.log2(max(t / self.reach, 1.0)))))
 
     def _short(self, t: Array) -> Array:
-        coefficients = t[:, None] ** np.arange(1, _TERMS + 1)
+        coefficients = (t / self.unit)[:, None] ** np.arange(1, _TERMS + 1)
         N = len(self.A_C)
         return (coefficients @ self.series.reshape(_TERMS, -1)).reshape(-1, N, N)
 
@@ -295,32 +295,26 @@ class Flow:
         return F * self.scale[:, None] / self.scale
 
 
-def balance(A: Array) -> tuple[Array, Array]:
-    """S⁻¹ A S with rows and columns of like norms, and the diagonal of S: powers of two, so that no digit is lost."""
-    with np.errstate(invalid="ignore"):  # scales beyond integers, among which SciPy seeks a permutation
-        balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
-    return np.asarray(balanced), np.asarray(scale)
-
-
 def flow(A_C: Array) -> Flow:
     """Prepare the flow of Ā_C.
 
     Raises:
-        AnalysisError: if Ā_C is not a finite square matrix.
+        AnalysisError: if Ā_C is not a finite square matrix, or its norm is beyond all numbers.
     """
     A_C = np.asarray(A_C, dtype=float)
     if A_C.ndim != 2 or A_C.shape[0] != A_C.shape[1] or not np.isfinite(A_C).all():
         raise AnalysisError(f"not analysable: the matrix of a flow must be finite and square, got shape {A_C.shape}")
     balanced, scale = balance(A_C)
-    if not np.abs(balanced).max(initial=0.0) < _ABSURD:
-        raise AnalysisError(f"not analysable: the error system has entries beyond {_ABSURD:.0e}; check gains and rates")
     norm = float(np.linalg.norm(balanced, 2)) or 1.0
+    if not np.isfinite(norm):
+        raise AnalysisError("not analysable: the rates of the error system are beyond all numbers; check the gains")
+    unit = float(np.exp2(-np.clip(np.round(np.log2(norm)), -1000, 1000)))
     series = np.empty((_TERMS, *A_C.shape))
     power = np.eye(len(A_C))
     for k in range(_TERMS):
-        power = power @ balanced / (k + 1)
+        power = power @ (balanced * unit) / (k + 1)
         series[k] = power
-    return Flow(A_C, balanced, scale, series, 1.0 / norm)
+    return Flow(A_C, balanced, scale, series, unit, 1.0 / norm)
 
 
 POINTS = 256

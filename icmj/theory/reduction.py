@@ -29,9 +29,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array
+from icmj.base.array import Array, balance
 from icmj.errors import AnalysisError
-from icmj.theory.error_system import ErrorSystem, Flow, balance, flow
+from icmj.theory.error_system import ErrorSystem, Flow, flow
 
 UNSEEN = 1e-9  # a direction is unseen if its image is below this, relative to rows of unit norm
 # error of a matrix, relative to it, such as differences leave in it; what that may put in one place is not told apart

@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from icmj.base.array import between, extent, falling, instants, leading, since, steps_in
+from icmj.base.array import balance, between, exponential, extent, falling, instants, leading, since, steps_in
 from icmj.cycle.cycle import Cycle
 from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.orbit import critical_vectors, multipliers
@@ -138,3 +138,24 @@ def test_a_multiplier_on_the_circle_but_for_rounding_does_not_attract_and_says_s
     assert cycle(1 - 1e-6).attracting
     assert words(cycle(1 - 1e-6)).startswith("An attracting")
     assert words(cycle(1 + 1e-6)).startswith("A repelling")
+
+
+def chained(unit: float, *, rates: bool = True) -> np.ndarray:
+    """A loop of two states that drives a chain of three integrators, whose last is counted in another unit."""
+    M = np.zeros((5, 5))
+    M[:2, :2] = rates * np.array([[0.0, 2.0], [-3.0, -1.0]])
+    M[2, 0], M[3, 2], M[4, 3] = 1.0, 1.0, 1.0
+    units = np.array([1.0, 1.0, unit, 1.0, unit])
+    return np.asarray(M * units / units[:, None])
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e-6, 1.0, 1e6, 1e12])
+def test_units_of_a_chain_do_not_make_a_matrix_large(unit: float) -> None:
+    M = chained(unit)
+    balanced, scale = balance(M)
+    np.testing.assert_array_equal(balanced * scale[:, None] / scale, M)  # powers of two
+    assert np.linalg.norm(balanced, 2) < 4 * np.linalg.norm(M[:2, :2], 2)
+    # without rates to compare with a chain is left as it is; its exponential is a sum of four terms
+    alone = chained(unit, rates=False)
+    expected = np.eye(5) + 3 * alone + 9 * alone @ alone / 2 + 27 * alone @ alone @ alone / 6
+    np.testing.assert_allclose(exponential(3 * alone), expected, rtol=1e-14)

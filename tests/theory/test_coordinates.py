@@ -8,6 +8,7 @@ from icmj import EventTrigger, LinearPlant, error_system, predict
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import system_matched, zero_order
+from icmj.theory.error_system import flow
 
 CASES = {
     "b=0.8": (pendulum(0.8), pendulum_design()),
@@ -106,6 +107,13 @@ def test_no_unit_of_time_changes_anything_but_times(hold, t_d):
                 np.testing.assert_allclose(got.amplitude, expected.amplitude, rtol=1e-6)
                 with_orbits += 1
     assert with_orbits > 20
+
+
+@pytest.mark.parametrize("unit", [2.0**-300, 2.0**60, 2.0**300])
+def test_a_flow_is_the_same_to_the_bit_in_any_unit_of_time(unit):
+    """However large the rates are in it; the eighteenth power of 2^60 / s is beyond numbers."""
+    A, t = next(iter(random_systems(700, 20))).A_C, np.array([0.0, 0.01, 0.3, 3.0])
+    np.testing.assert_array_equal(flow(A * unit).increment(t / unit), flow(A).increment(t))
 
 
 @pytest.mark.parametrize("hold", [system_matched, zero_order])
