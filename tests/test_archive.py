@@ -1,0 +1,93 @@
+"""Files and results that a release wrote are read by every later version, and say what they said."""
+
+import json
+import lzma
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+import icmj
+from icmj.log.branch import read_branch_log
+from icmj.runfile.sweep_tables import load_sweep
+
+ARCHIVE = Path(__file__).resolve().parent / "archive"
+RELEASES = sorted(path for path in ARCHIVE.iterdir() if path.is_dir() and not path.name.startswith("__"))
+
+
+def describe(release: Path) -> dict[str, Any]:
+    """What stands in the folder of a release, as plain data: values that are read back are written with all digits."""
+    said: dict[str, Any] = {"runs": {}, "logs": {}, "branches": {}}
+    for name in ("three-link", "matrices"):
+        run = icmj.load_run(release / f"{name}.toml")
+        prediction = icmj.prepare(run).prediction
+        said["runs"][name] = {
+            "title": run.title,
+            "duration": run.simulation.duration,
+            "actual gain": run.actual.gain,
+            "delta_crit": prediction.delta_crit,
+        }
+    with tempfile.TemporaryDirectory() as folder:
+        for packed in sorted(release.rglob("*.rrd.xz")):
+            path = Path(folder) / packed.stem
+            path.write_bytes(lzma.decompress(packed.read_bytes()))
+            if packed.parent.name == "branch":
+                said["branches"][packed.stem] = describe_branch(read_branch_log(path))
+                continue
+            result = icmj.read_log(path)
+            simulation = result.simulation
+            said["logs"][packed.stem] = {
+                "title": result.run.title,
+                "changes": dict(result.run.changes),
+                "delta_crit": result.prediction.delta_crit,
+                "events": simulation.events.t.tolist(),
+                "last": simulation.x[-1].tolist(),
+                "outputs": list(result.actual.outputs),
+                "measurement": result.measurement.words,
+            }
+    for path in sorted(release.glob("branch/*.parquet")):
+        said["branches"][path.name] = describe_branch(icmj.read_branch(path))
+    said["sweep"] = {
+        "name": load_sweep(release / "sweep.toml").sweep.name,
+        "points": icmj.read_sweep(release / "sweep").table.to_pylist(),
+    }
+    said["experiment"] = {
+        "names": list(icmj.load_experiment(release / "experiment.toml").names),
+        "results": pq.read_table(release / "experiment" / "results.parquet").to_pylist(),
+    }
+    return json.loads(json.dumps(said))
+
+
+def describe_branch(branch: icmj.cycle.branch.Branch) -> dict[str, Any]:
+    """The numbers of a branch of cycles."""
+    return {"value": branch.value.tolist(), "interval": branch.interval.tolist(), "largest": branch.largest.tolist()}
+
+
+@pytest.mark.parametrize("release", RELEASES, ids=lambda path: path.name)
+def test_what_a_release_wrote_is_read(release: Path) -> None:
+    expected = json.loads((release / "expected.json").read_text(encoding="utf-8"))
+    found = describe(release)
+    # computed anew from the run file, where all else is read
+    for name, run in expected["runs"].items():
+        assert found["runs"][name].pop("delta_crit") == pytest.approx(run.pop("delta_crit"), rel=1e-9)
+    assert found == expected
+
+
+@pytest.mark.parametrize("release", RELEASES, ids=lambda path: path.name)
+def test_trials_that_a_release_recorded_are_analysed(release: Path, tmp_path: Path) -> None:
+    """The same command on the old folder finds all trials done, and their analysis gives what it gave."""
+    shutil.copytree(release, tmp_path / "old")
+    out = tmp_path / "old" / "experiment"
+    (out / "results.parquet").unlink()
+    icmj.run_experiment(tmp_path / "old" / "experiment.toml", out)
+    expected = json.loads((release / "expected.json").read_text(encoding="utf-8"))["experiment"]["results"]
+    for found, before in zip(pq.read_table(out / "results.parquet").to_pylist(), expected, strict=True):
+        for column, value in before.items():  # later versions may have more columns
+            assert found[column] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-6)), column
+
+
+def test_this_version_has_its_folder() -> None:
+    assert (ARCHIVE / icmj.__version__ / "expected.json").is_file()
