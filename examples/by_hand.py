@@ -19,7 +19,8 @@ from scipy.optimize import brentq
 
 # 1. Three links on fixed feet, torques at ankle, knee and hip; what is measured are the angles of the links to the
 #    vertical. The controller assumes that a torque is what it commands; in fact it is b times that.
-MODEL = Path(__file__).parents[1] / "models" / "three_link.xml"
+here = Path(__file__).parents[1] if "__file__" in globals() else Path()  # a notebook: beside a folder models/
+MODEL = here / "models" / "three_link.xml"
 b, q_t, n, n_u = 0.9, 0.01, 6, 3  # threshold of events [rad], numbers of states and of torques
 start = [0.02, 0.0, 0.0]  # rad: the person leans forwards about the ankle
 

@@ -19,7 +19,7 @@ CASES = ("simple-0.8", "simple-1.2", "three-link-0.9", "three-link-1.1")
 arguments = argparse.ArgumentParser(description=__doc__)
 arguments.add_argument("--points", type=int, default=7)
 arguments.add_argument("--picture")
-given = arguments.parse_args()
+given = arguments.parse_known_args()[0]
 delays = np.linspace(0.0, 0.3, given.points)
 
 

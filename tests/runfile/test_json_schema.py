@@ -19,7 +19,8 @@ def tables(schema: dict[str, Any], entry: dict[str, Any]) -> list[dict[str, Any]
     found = [entry] if "properties" in entry else []
     for one in (*entry.get("anyOf", ()), *entry.get("oneOf", ()), entry.get("items", {})):
         found += tables(schema, one) if one else []
-    if more := entry.get("additionalProperties"):
+    # an object without properties may have any, which older versions of pydantic leave unsaid
+    if more := entry.get("additionalProperties", entry.get("type") == "object" and "properties" not in entry):
         found += [
             {"properties": {}, "more": {"properties": {}, "additionalProperties": True} if more is True else more}
         ]
