@@ -7,7 +7,7 @@ import inspect
 import json
 import re
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from typing import Any
 
@@ -97,3 +97,17 @@ def attribute_docstrings(cls: type) -> dict[str, str]:
         and isinstance(said, ast.Expr)
         and isinstance(said.value, ast.Constant)
     }
+
+
+def read_meanings(setting: Callable[..., Any]) -> dict[str, str]:
+    """What the docstring of a setting, and of those that it inherits from, says of each parameter."""
+    found: dict[str, str] = {}
+    for cls in reversed(getattr(setting, "__mro__", (setting,))):
+        said = re.search(
+            r"^(?:Attributes|Args):\n((?: {4}.*\n)*)", f"{inspect.cleandoc(cls.__doc__ or '')}\n", re.MULTILINE
+        )
+        for names, words in re.findall(r"^ {4}(\w[\w, ]*): (.*(?:\n {5,}.*)*)", said[1] if said else "", re.MULTILINE):
+            text = " ".join(words.split())
+            symbol = not re.match("[a-z]{2,}[ ,;-]|a ", text)
+            found |= dict.fromkeys(names.split(", "), text if symbol else text[0].upper() + text[1:])
+    return found

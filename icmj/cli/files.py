@@ -17,7 +17,7 @@ import re
 import textwrap
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -358,7 +358,8 @@ def _measure(path: Path, command: arguments.MeasureCommand) -> tuple[Sway, tuple
             some = ", ".join(series.names[:4])
             raise DataError(f"{path}: {len(series.names)} signals ({some}, ...); name up to {MOST} by --columns")
         try:
-            sway = measure_sway(series, low_pass=command.low_pass, band=command.band or (0.0, float("inf")))
+            options: dict[str, Any] = {} if command.band is None else {"band": command.band}
+            sway = measure_sway(series, low_pass=command.low_pass, **options)
         except DataError as error:
             raise DataError(f"{path}: {error}") from error
     return sway, (*notes, *sway.series.remarks)

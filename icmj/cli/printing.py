@@ -27,7 +27,6 @@ from icmj.base.files import write_bytes
 from icmj.base.numbers import MISSING, amount, amounts, collect_facts, number, pairs, plain, relative
 from icmj.cli.terminal import ERR, OUT, Column, Working, show_table
 from icmj.errors import IcmjError, ModelError, prefix_errors
-from icmj.measurement.sway import MEASURES, OF_PLANE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -40,8 +39,7 @@ if TYPE_CHECKING:
     from icmj.controller.switching import SwitchingPD
     from icmj.cycle.switched import SwitchedCycle
     from icmj.engine.linearisation import Linearisation
-    from icmj.measurement.stabilogram import Diffusion
-    from icmj.measurement.sway import Coordinate, Measure, Plane, Sway
+    from icmj.measurement.sway import Measured, Sway
     from icmj.plant.linear_plant import LinearPlant
     from icmj.plant.quality import Notice, Quality
     from icmj.runfile.schema import RunFile
@@ -363,11 +361,11 @@ UNITS = {"rad": (180 / np.pi, "deg"), "rad/s": (180 / np.pi, "deg/s"), "m": (1e3
 
 def show_sway(sway: Sway, title: str, out: Terminal) -> None:
     """Measures down, signals across, the plane of two of them last."""
-    values = [_rows(MEASURES, c) for c in sway.coordinates]
+    values = [_rows(c) for c in sway.coordinates]
     units = [_unit(c.unit)[1] for c in sway.coordinates]
     heads = [f"{c.name} ({unit})" if unit else c.name for c, unit in zip(sway.coordinates, units, strict=True)]
     if sway.plane is not None:
-        values.append(_rows(OF_PLANE, sway.plane))
+        values.append(_rows(sway.plane))
         heads.append(f"plane ({_unit(sway.plane.unit)[1]})".replace(" ()", ""))
     labels = dict.fromkeys(label for column in values for label in column)
     rows = [(label, *(column.get(label, MISSING) for column in values)) for label in labels]
@@ -382,32 +380,25 @@ def record(sway: Sway) -> dict[str, Any]:
         "samples": len(sway.series),
         "low_pass": sway.low_pass,
         "resampled": sway.series.facts.get("resampled"),
-        "coordinates": [{**vars(c), "diffusion": _diffusion(c.diffusion)} for c in sway.coordinates],
+        "coordinates": [{"name": c.name, "unit": c.unit, **c.record()} for c in sway.coordinates],
         "plane": None,
     }
-    if sway.plane is not None:
-        p, e = sway.plane, sway.plane.ellipse
-        found["plane"] = {
-            **vars(p), "diffusion": _diffusion(p.diffusion), "ellipse": {**vars(e), "area": e.area},
-        }  # fmt: skip
+    if (plane := sway.plane) is not None:
+        found["plane"] = {"names": plane.names, "unit": plane.unit, **plane.record()}
     found["spectrum"] = {"frequency": sway.spectrum.frequency, "power": sway.spectrum.power.T}
     return dict(plain(found))
 
 
-def _rows(measures: Sequence[Measure], of: Coordinate | Plane) -> dict[str, str]:
+def _rows(of: Measured) -> dict[str, str]:
     """Values by label, in the units that people read."""
     factor, angle = _unit(of.unit)[0], UNITS["rad"]
     found = {}
-    for measure in measures:
-        mark = measure.unit.replace("U", "unit").replace("rad", angle[1])
-        label = measure.words + {"": "", "unit": "", "unit/s": " (per s)"}.get(mark, f" ({mark})")
-        by = factor ** (2 if "U²" in measure.unit else "U" in measure.unit) * (angle[0] if measure.unit == "rad" else 1)
-        found[label] = amount(by * measure.value(of), figures=4)
+    for one, value in of.numbers.items():
+        mark = one.unit.replace("U", "unit").replace("rad", angle[1])
+        label = one.words + {"": "", "unit": "", "unit/s": " (per s)"}.get(mark, f" ({mark})")
+        by = factor ** (2 if "U²" in one.unit else "U" in one.unit) * (angle[0] if one.unit == "rad" else 1)
+        found[label] = amount(by * value, figures=4)
     return found
-
-
-def _diffusion(found: Diffusion) -> dict[str, Any]:
-    return {name: getattr(found, name) for name in ("short", "long", "critical")}
 
 
 def _unit(unit: str) -> tuple[float, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,8 +11,10 @@ from icmj.base.array import Array
 from icmj.base.numbers import readable
 from icmj.errors import DataError
 from icmj.experiments.recording import Recording, keep_complete
+from icmj.measurement.measure import Measure, Number
+from icmj.measurement.measures import numbers_of
 from icmj.measurement.statistics import FEWEST, Modality, modality
-from icmj.measurement.sway import MEASURES, sway_numbers
+from icmj.measurement.sway import sway_numbers
 
 SURE = 0.01  # a p that says so: of flat distributions more than that are as small
 YOUNG_PEOPLE: Mapping[str, tuple[float, float]] = {
@@ -42,6 +44,7 @@ class Standing:
         unimodal: test for one mode of each signal in each trial, K tuples of w tests.
         intervals: open-loop intervals of all trials [s]; empty without events.
         interval_modes: test for one mode of the intervals; ``None`` if there are too few.
+        measured: what numbers there are of each signal; by default the standard ones.
     """
 
     names: tuple[str, ...]
@@ -51,6 +54,7 @@ class Standing:
     unimodal: tuple[tuple[Modality, ...], ...]
     intervals: Array
     interval_modes: Modality | None
+    measured: tuple[Number, ...] = field(default_factory=numbers_of)
 
     @property
     def several(self) -> Array:
@@ -108,9 +112,9 @@ class Standing:
         """The measures with readable names and units."""
         found = {}
         for name, unit in zip(self.names, self.units, strict=True):
-            for measure in MEASURES:
-                mark = f" ({measure.unit_of(unit)})" if measure.unit else ""
-                found[f"{name}, {measure.words}{mark}"] = self.measures[f"{name}.{measure.key}"]
+            for number in self.measured:
+                mark = f" ({number.unit_of(unit)})" if number.unit else ""
+                found[f"{name}, {number.words}{mark}"] = self.measures[f"{name}.{number.key}"]
         return found
 
 
@@ -120,13 +124,20 @@ def _known(values: Array) -> Array:
     return known if len(known) else values[:1]
 
 
-def quiet_standing(recordings: Sequence[Recording], *, low_pass: float | None = None, resamples: int = 99) -> Standing:
+def quiet_standing(
+    recordings: Sequence[Recording],
+    *,
+    low_pass: float | None = None,
+    resamples: int = 99,
+    measures: Sequence[Measure] = (),
+) -> Standing:
     """Measures of sway in every trial, intervals between events, and tests for one mode.
 
     Args:
         recordings: trials with the same signals and with units; trials in which the person fell are left out.
         low_pass: cut-off frequency of the filter that is applied before all measures [Hz].
         resamples: number of samples for each test for one mode.
+        measures: further measures of sway, beside the standard ones.
 
     Raises:
         DataError: if no trial is left, trials have different signals, units are missing, or a trial cannot be measured.
@@ -139,8 +150,8 @@ def quiet_standing(recordings: Sequence[Recording], *, low_pass: float | None = 
     for name, unit in zip(first.names, first.units, strict=True):
         if not unit:
             raise DataError(f"{name}: has no unit; give one, as in '{name} [m]'")
-    measured = [sway_numbers(one.series, low_pass) for one in kept]
-    measures = {name: np.array([float(each[name]) for each in measured]) for name in measured[0]}
+    measured = [sway_numbers(one.series, low_pass, measures) for one in kept]
+    by_name = {name: np.array([float(each[name]) for each in measured]) for name in measured[0]}
     tests = tuple(
         tuple(modality(column, signal=True, resamples=resamples, seed=i) for column in one.series.values.T)
         for i, one in enumerate(kept)
@@ -151,9 +162,10 @@ def quiet_standing(recordings: Sequence[Recording], *, low_pass: float | None = 
     return Standing(
         first.names,
         first.units,
-        measures,
+        by_name,
         np.concatenate([values / values.std(axis=0) for values in whole]),
         tests,
         intervals,
         modality(intervals, resamples=resamples) if varied else None,
+        numbers_of("coordinate", measures),
     )

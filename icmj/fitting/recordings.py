@@ -40,10 +40,9 @@ _SIX = {
     "rms": "rms", "speed": "speed", "slope": "frequency.slope", "H short": "short.H", "H long": "long.H",
     "mean frequency": "frequency.mean",
 }  # fmt: skip
-_MEASURED = tuple(next(one for one in sway.MEASURES if one.key == key) for key in _SIX.values())
 MEASURES = tuple(_SIX)
 """The six measures of sway; units ``MEASURE_UNITS``."""
-MEASURE_UNITS = tuple(one.unit_of("m") for one in _MEASURED)
+MEASURE_UNITS = ("m", "m/s", "", "", "", "Hz")
 LEAST = 30.0  # s
 _LOGS = np.array([True, True, False, False, False, True])
 _OMEGA = 2.9  # rad/s, of a standing adult as an inverted pendulum: √(mgh/J)
@@ -93,8 +92,10 @@ def measures(summaries: ArrayLike) -> Array:
 
 def _measures(x: Array, rate: float) -> Array:
     series = Series(np.arange(len(x)) / rate, x[:, None], ("cop",), ("m",))
-    of = sway.measure_sway(series).coordinates[0]
-    return np.array([measure.value(of) for measure in _MEASURED])
+    found = {number.key: value for number, value in sway.measure_sway(series).coordinates[0].numbers.items()}
+    if missing := [key for key in _SIX.values() if key not in found]:
+        raise FitError(f"a fit is of {', '.join(_SIX.values())}, and there is no measure {', '.join(missing)}")
+    return np.array([found[key] for key in _SIX.values()])
 
 
 def _scale(six: Array) -> Array:

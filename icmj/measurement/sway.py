@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,8 @@ from icmj.base.array import RELATIVE_ROUNDING, Array, between
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import amount
 from icmj.errors import DataError
-from icmj.measurement.ellipse import Ellipse, prediction_ellipse, prediction_range
-from icmj.measurement.power_distribution import Frequencies, frequencies
-from icmj.measurement.stabilogram import Diffusion, diffusion
+from icmj.measurement.measure import Measure, Number, Of, Signal
+from icmj.measurement.measures import choose_measures, numbers_of
 from icmj.measurement.statistics import Spectrum, level_still, spectrum
 from icmj.series.even_rows import even_series
 from icmj.series.series import Series
@@ -22,122 +22,64 @@ from icmj.series.units import in_si
 
 FEWEST = 20  # rows below which there is nothing to measure
 SEGMENTS = 2  # lengths of a segment of the spectrum in the record
+BEST_KNOWN = ("rms", "speed", "frequency.median")
+"""Keys of the numbers of a coordinate that are shown where there is room for few."""
 
 
 @dataclass(frozen=True, eq=False)
-class Coordinate:
+class Measured:
+    """What is measured of a coordinate, or of two together; each value is an attribute, such as ``rms``.
+
+    Attributes:
+        unit: unit of the coordinate.
+        measures: what was measured.
+        values: the values by name of the measure, such as ``rms`` or ``diffusion``.
+    """
+
+    unit: str
+    measures: tuple[Measure, ...]
+    values: Mapping[str, Any]
+
+    def __getattr__(self, name: str) -> Any:
+        values = vars(self).get("values", {})  # none yet where it is being copied
+        if name in values:
+            return values[name]
+        raise AttributeError(f"{type(self).__name__} has no {name!r}")
+
+    @cached_property
+    def numbers(self) -> Mapping[Number, float]:
+        """Every number with its value; NaN if the record was too short for it."""
+        return {number: number.read(self.values[one.name]) for one in self.measures for number in one.numbers}
+
+    def number(self, key: str) -> float:
+        """The number of this key, such as ``frequency.median``; NaN without it."""
+        return next((value for number, value in self.numbers.items() if number.key == key), float("nan"))
+
+    def record(self) -> dict[str, Any]:
+        """The values by name, as records hold them."""
+        return {name: value.facts() if hasattr(value, "facts") else value for name, value in self.values.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinate(Measured):
     """Measures of one coordinate, about its mean.
 
     Attributes:
-        name, unit: name and unit of the coordinate.
-        mean: mean value [unit].
-        rms: root mean square about the mean [unit] (Prieto et al. 1996: RDIST).
-        mean_distance: mean magnitude about the mean [unit] (MDIST).
-        range: largest minus smallest value [unit] (RANGE).
-        prediction_range: width of the 95 % prediction interval [unit].
-        speed: mean speed, the total path length divided by the duration [unit/s] (MVELO).
-        rotation_frequency: speed / (4√2 mean_distance) [Hz], as printed by Prieto et al. (MFREQ); 1.11 f for a sinusoid
-            of frequency f.
-        frequencies: distribution of its power over frequency.
-        diffusion: stabilogram diffusion.
+        name: name of the coordinate.
     """
 
     name: str
-    unit: str
-    mean: float
-    rms: float
-    mean_distance: float
-    range: float
-    prediction_range: float
-    speed: float
-    rotation_frequency: float
-    frequencies: Frequencies
-    diffusion: Diffusion
 
 
 @dataclass(frozen=True, eq=False)
-class Plane:
+class Plane(Measured):
     """Measures of two coordinates together.
 
     Attributes:
-        names, unit: names and common unit of the coordinates.
-        rms, mean_distance: root mean square and mean of the distance from the mean point [unit].
-        speed: mean speed, the length of the path divided by the duration [unit/s].
-        rotation_frequency: frequency of a rotation on a circle with this mean distance and speed [Hz] (MFREQ).
-        ellipse: 95 % prediction ellipse.
-        frequencies: distribution of the sum of both power spectra over frequency.
-        diffusion: stabilogram diffusion, ⟨Δr²⟩.
+        names: names of the coordinates.
     """
 
     names: tuple[str, str]
-    unit: str
-    rms: float
-    mean_distance: float
-    speed: float
-    rotation_frequency: float
-    ellipse: Ellipse
-    frequencies: Frequencies
-    diffusion: Diffusion
-
-
-@dataclass(frozen=True)
-class Measure:
-    """One measure of a coordinate, or of a plane.
-
-    Attributes:
-        key: its name in batches of runs, such as ``frequency.median``.
-        words: what it is called.
-        unit: its unit, with ``U`` for that of the coordinate.
-        of: attribute that holds it, by its way from the coordinate or the plane.
-    """
-
-    key: str
-    words: str
-    unit: str
-    of: str
-
-    def value(self, found: Coordinate | Plane) -> float:
-        """The measure; NaN if the record was too short for it."""
-        value: Any = found
-        for name in self.of.split("."):
-            value = value[int(name)] if name.isdecimal() else getattr(value, name)
-            if value is None:
-                return float("nan")
-        return float(value)
-
-    def unit_of(self, unit: str) -> str:
-        """Its unit where that of the coordinate is ``unit``."""
-        return self.unit.replace("U", unit)
-
-
-_OF_BOTH = (
-    Measure("frequency.mean", "mean frequency", "Hz", "frequencies.mean"),
-    Measure("frequency.median", "median frequency", "Hz", "frequencies.median"),
-    Measure("frequency.edge", "95 % frequency", "Hz", "frequencies.edge"),
-    Measure("frequency.slope", "slope of spectrum", "", "frequencies.slope"),
-    Measure("short.H", "H, short times", "", "diffusion.short.H"),
-    Measure("short.D", "D, short times", "U²/s", "diffusion.short.D"),
-    Measure("long.H", "H, long times", "", "diffusion.long.H"),
-    Measure("long.D", "D, long times", "U²/s", "diffusion.long.D"),
-    Measure("critical.lag", "critical lag", "s", "diffusion.critical.0"),
-    Measure("critical.displacement", "critical displacement", "U²", "diffusion.critical.1"),
-)
-_RMS = Measure("rms", "RMS", "U", "rms")
-_DISTANCE = Measure("mean_distance", "mean distance", "U", "mean_distance")
-_SPEED = Measure("speed", "mean speed", "U/s", "speed")
-_ROTATION = Measure("rotation_frequency", "rotation frequency", "Hz", "rotation_frequency")
-MEASURES = (
-    Measure("mean", "mean", "U", "mean"), _RMS, _DISTANCE, Measure("range", "range", "U", "range"),
-    Measure("prediction_range", "prediction range", "U", "prediction_range"), _SPEED, _ROTATION, *_OF_BOTH,
-)  # fmt: skip
-"""The measures of a coordinate: the one list that tables, batches, experiments and fits take them from."""
-OF_PLANE = (
-    _RMS, _DISTANCE, _SPEED, Measure("ellipse.area", "95 % prediction ellipse, area", "U²", "ellipse.area"),
-    Measure("ellipse.major", "ellipse, longer half axis", "U", "ellipse.axes.0"),
-    Measure("ellipse.minor", "ellipse, shorter half axis", "U", "ellipse.axes.1"),
-    Measure("ellipse.angle", "ellipse, angle", "rad", "ellipse.angle"), _ROTATION, *_OF_BOTH,
-)  # fmt: skip
-"""Those of a plane."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -148,7 +90,6 @@ class Sway(WithCard):
         series: the evaluated series: evenly sampled, and filtered if requested.
         duration: N / rate [s].
         rate: samples per second [Hz].
-        band: band of the frequency measures [Hz].
         low_pass: cut-off frequency of the filter that is applied before all measures [Hz], or ``None``.
         coordinates: the measures of each signal.
         plane: the measures of two signals with the same unit together, otherwise ``None``.
@@ -158,7 +99,6 @@ class Sway(WithCard):
     series: Series
     duration: float
     rate: float
-    band: tuple[float, float]
     low_pass: float | None
     coordinates: tuple[Coordinate, ...]
     plane: Plane | None
@@ -168,17 +108,12 @@ class Sway(WithCard):
         """Its representation at a prompt or in a notebook: the best-known measures."""
         rows: list[tuple[str, str]] = []
         for c in self.coordinates:
-            speed = f"{c.unit}/s" if c.unit else ""
-            rows += [
-                (f"{c.name}, RMS", amount(c.rms, c.unit, 4)),
-                (f"{c.name}, mean speed", amount(c.speed, speed, 4)),
-                (f"{c.name}, median frequency", amount(c.frequencies.median, "Hz", 4)),
-            ]
+            shown = (one for key in BEST_KNOWN for one in c.numbers if one.key == key)
+            rows += [(f"{c.name}, {one.words}", amount(c.numbers[one], _unit(one, c.unit), 4)) for one in shown]
         if self.plane is not None:
-            area = f"{self.plane.unit}²" if self.plane.unit else ""
-            speed = f"{self.plane.unit}/s" if self.plane.unit else ""
-            rows.append(("95 % prediction ellipse", amount(self.plane.ellipse.area, area, 4)))
-            rows.append(("mean speed in the plane", amount(self.plane.speed, speed, 4)))
+            known = {one.key: (value, _unit(one, self.plane.unit)) for one, value in self.plane.numbers.items()}
+            labels = {"ellipse.area": "95 % prediction ellipse", "speed": "mean speed in the plane"}
+            rows += [(words, amount(*known[key], 4)) for key, words in labels.items() if key in known]
         names = ", ".join(c.name for c in self.coordinates)
         return Card(f"{names}, {self.duration:.6g} s at {self.rate:.6g} Hz", tuple(rows))
 
@@ -189,7 +124,8 @@ def measure_sway(
     *,
     rate: float | None = None,
     low_pass: float | None = None,
-    band: tuple[float, float] = (0.0, np.inf),
+    measures: Iterable[Measure | str] = (),
+    **options: Any,
 ) -> Sway:
     """Measure the sway of some signals; two signals with the same unit are also measured as a point in a plane.
 
@@ -200,39 +136,44 @@ def measure_sway(
         low_pass: cut-off frequency [Hz], at which the gain is 1/√2, of a Butterworth filter of second order that is run
             forward and backward: of fourth order together, without phase shift. Between one period in the record and
             half the rate; by default there is no filter.
-        band: band for mean, median and edge frequency [Hz]; Prieto et al. used 0.15 to 5 Hz.
+        measures: further measures beside the standard ones: names of the list (:mod:`icmj.measurement.measures`), or
+            your own, made by :func:`icmj.measurement.define_measure`.
+        options: those of the measures: ``band``, a pair of frequencies [Hz], for mean, median and edge frequency;
+            Prieto et al. used 0.15 to 5 Hz.
 
     Raises:
-        DataError: if there is no such signal, values are missing, there are gaps or too few rows, or filter or band
-            does not fit the rate.
+        DataError: if there is no such signal, values are missing, there are gaps or too few rows, filter or band does
+            not fit the rate, or a measure or an option is unknown.
+        RunFileError: if a measure of your own fails.
     """
     series = even_series(series.chosen(columns) if columns else series, rate)
     N = len(series)
     if N < FEWEST:
         raise DataError(f"{N} rows; expected at least {FEWEST}")
     step = float(series.t[-1] - series.t[0]) / (N - 1)
-    if not 0 <= band[0] < band[1]:
-        raise DataError(f"a band of {band[0]:g} to {band[1]:g} Hz; expected two rising numbers from 0 on")
+    chosen = choose_measures(measures, options)
     if low_pass is not None:
         series = replace(series, values=_filter(series.values, low_pass, 1 / step))
     series = replace(series, values=level_still(series.values))
     found = spectrum(series.t, series.values, SEGMENTS)
     coordinates = tuple(
-        _coordinate(name, unit, values, step, frequencies(found.frequency, power, band))
+        Coordinate(unit, *_apply(chosen, "coordinate", Signal(values, step, found.frequency, power)), name)
         for name, unit, values, power in zip(series.names, series.units, series.values.T, found.power.T, strict=True)
     )
     plane = None
     if len(coordinates) == 2 and len(set(series.units)) == 1:
-        plane = _plane(series, step, frequencies(found.frequency, found.power.sum(axis=1), band))
-    return Sway(series, N * step, 1 / step, band, low_pass, coordinates, plane, found)
+        both, (first, second) = Signal(series.values, step, found.frequency, found.power.sum(axis=1)), series.names
+        plane = Plane(series.units[0], *_apply(chosen, "plane", both), (first, second))
+    return Sway(series, N * step, 1 / step, low_pass, coordinates, plane, found)
 
 
-def sway_numbers(series: Series, low_pass: float | None = None) -> dict[str, Array]:
+def sway_numbers(series: Series, low_pass: float | None = None, measures: Sequence[Measure] = ()) -> dict[str, Array]:
     """Measures of sway by signal and key, such as ``trunk.frequency.median``; NaN of a run that was too short."""
     if len(series) < FEWEST:
-        return {f"{name}.{measure.key}": np.asarray(np.nan) for name in series.names for measure in MEASURES}
-    found = measure_sway(series, low_pass=low_pass).coordinates
-    return {f"{of.name}.{measure.key}": np.asarray(measure.value(of)) for of in found for measure in MEASURES}
+        numbers = numbers_of("coordinate", measures)
+        return {f"{name}.{number.key}": np.asarray(np.nan) for name in series.names for number in numbers}
+    found = measure_sway(series, low_pass=low_pass, measures=measures).coordinates
+    return {f"{of.name}.{number.key}": np.asarray(value) for of in found for number, value in of.numbers.items()}
 
 
 def from_torque(series: Series, torque: str, weight: float) -> Series:
@@ -255,43 +196,15 @@ def from_torque(series: Series, torque: str, weight: float) -> Series:
     return replace(moment, values=-moment.values / weight, names=("cop",), units=("m",))
 
 
-def _coordinate(name: str, unit: str, values: Array, step: float, found: Frequencies) -> Coordinate:
-    from_first = values - values[0]  # its mean and what is about it are exact where nothing moves
-    about = from_first - from_first.mean()
-    distance = float(np.abs(about).mean())
-    speed = float(np.abs(np.diff(values)).sum() / (len(values) * step))
-    return Coordinate(
-        name=name,
-        unit=unit,
-        mean=float(values[0] + from_first.mean()),
-        rms=float(np.sqrt((about**2).mean())),
-        mean_distance=distance,
-        range=float(np.ptp(values)),
-        prediction_range=prediction_range(about),
-        speed=speed,
-        rotation_frequency=speed / (4 * np.sqrt(2) * distance) if distance > 0 else np.nan,
-        frequencies=found,
-        diffusion=diffusion(about, 1 / step),
-    )
+def _apply(chosen: Sequence[Measure], of: Of, signal: Signal) -> tuple[tuple[Measure, ...], dict[str, Any]]:
+    """Those that are measures of this, and their values by name."""
+    those = tuple(one for one in chosen if of in one.of)
+    return those, {one.name: one.measure(signal) for one in those}
 
 
-def _plane(series: Series, step: float, found: Frequencies) -> Plane:
-    from_first = series.values - series.values[0]
-    about = from_first - from_first.mean(axis=0)
-    distance = np.hypot(*about.T)
-    speed = float(np.hypot(*np.diff(about, axis=0).T).sum() / (len(about) * step))
-    ellipse, (first, second) = prediction_ellipse(about), series.names
-    return Plane(
-        names=(first, second),
-        unit=series.units[0],
-        rms=float(np.sqrt((distance**2).mean())),
-        mean_distance=float(distance.mean()),
-        speed=speed,
-        rotation_frequency=speed / (2 * np.pi * distance.mean()) if distance.any() else np.nan,
-        ellipse=replace(ellipse, centre=series.values[0] + from_first.mean(axis=0)),
-        frequencies=found,
-        diffusion=diffusion(about, 1 / step),
-    )
+def _unit(number: Number, unit: str) -> str:
+    """The unit of a number for a prompt; without one where it has that of a coordinate without unit."""
+    return number.unit_of(unit) if unit or "U" not in number.unit else ""
 
 
 def _filter(values: Array, corner: float, rate: float) -> Array:

@@ -10,13 +10,11 @@ import numpy as np
 from icmj.base import numbers
 from icmj.case.quantity import in_unit, quantities
 from icmj.experiments.quiet_standing import YOUNG_PEOPLE
+from icmj.measurement.measures import numbers_of
 from icmj.measurement.statistics import Estimate
-from icmj.measurement.sway import MEASURES
 from icmj.report.style import NAME
 from icmj.report.summary import _cycle_sentence
 from icmj.report.wording import CaseRuns, Picture, Section
-
-UNITS = {"rms": "m", "speed": "m/s", "frequency.mean": "Hz"}  # of measures of the centre of pressure
 
 
 def noise(
@@ -83,13 +81,15 @@ def _sway(case: CaseRuns) -> dict[str, Any] | None:
     if not swayed:
         return None
     rows = []
-    called = {measure.key: measure.words for measure in MEASURES}
+    called = {number.key: number for number in numbers_of()}
     for key, (mean, spread) in YOUNG_PEOPLE.items():
-        factor, unit = numbers.readable(UNITS.get(key, ""))
+        if key not in called:
+            continue
+        factor, unit = numbers.readable(called[key].unit_of("m"))
         values = (result.sway.get(f"cop.x.{key}") for result in swayed.values())
         own = [numbers.number(None if value is None else factor * value, 3) for value in values]
         young = f"{numbers.number(factor * mean, 3)} ± {numbers.number(factor * spread, 2)}"
-        rows.append((in_unit(called[key], unit), *own, young))
+        rows.append((in_unit(called[key].words, unit), *own, young))
     found = next(result.statistics for result in swayed.values() if result.statistics is not None)
     heads = ["linear plant" if plant == "linear" else NAME[plant] for plant in swayed]
     return {"heads": [*heads, "young people"], "rows": rows, "seconds": f"{found.end - found.start:.3g}"}

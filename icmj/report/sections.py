@@ -17,6 +17,7 @@ from icmj.base.array import between
 from icmj.base.numbers import count
 from icmj.case.quantity import in_unit, quantities, threshold_unit
 from icmj.case.result import Attractor, Result
+from icmj.measurement.sway import BEST_KNOWN
 from icmj.plant.person import Person
 from icmj.report.noise_table import noise as noise
 from icmj.report.rivals import Rival, kind_in_words
@@ -152,10 +153,7 @@ def _rival_row(number: int, rival: Rival) -> dict[str, Any]:
         "name": f"{number}. {rival.name}",
         "rate": numbers.number(len(late) / rival.sway.duration, 3),
         "outcome": simulation.outcome.kind,
-        "measures": [
-            (numbers.number(c.rms, 3), numbers.number(c.speed, 3), numbers.number(c.frequencies.median, 3))
-            for c in rival.sway.coordinates
-        ],
+        "measures": [tuple(numbers.number(c.number(key), 3) for key in BEST_KNOWN) for c in rival.sway.coordinates],
     }
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from icmj.base.array import between
 from icmj.errors import ReportError
-from icmj.measurement.stabilogram import Diffusion
 from icmj.measurement.sway import Sway
 from icmj.report import style
 
@@ -40,7 +39,7 @@ def draw_path(axes: Axes, sway: Sway) -> None:
 
 def draw_diffusion(axes: Axes, sway: Sway) -> None:
     """Mean square displacement against time on logarithmic axes, with both exponents H, of each coordinate."""
-    named: list[tuple[str, Diffusion]] = [(c.name, c.diffusion) for c in sway.coordinates]
+    named: list[tuple[str, Any]] = [(c.name, c.diffusion) for c in sway.coordinates]
     if sway.plane is not None:
         named.append(("plane", sway.plane.diffusion))
     for (name, found), colour in zip(named, _colours(len(named)), strict=True):

@@ -16,7 +16,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from datetime import date, time
-from inspect import cleandoc, signature
+from inspect import signature
 from types import NoneType, UnionType
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -411,15 +411,3 @@ def check_by(method: str) -> Any:
         return table
 
     return model_validator(mode="after")(check)
-
-
-def read_meanings(setting: Callable[..., Any]) -> dict[str, str]:
-    """What the docstring of a setting, and of those that it inherits from, says of each parameter."""
-    found: dict[str, str] = {}
-    for cls in reversed(getattr(setting, "__mro__", (setting,))):
-        said = re.search(r"^(?:Attributes|Args):\n((?: {4}.*\n)*)", f"{cleandoc(cls.__doc__ or '')}\n", re.MULTILINE)
-        for names, words in re.findall(r"^ {4}(\w[\w, ]*): (.*(?:\n {5,}.*)*)", said[1] if said else "", re.MULTILINE):
-            text = " ".join(words.split())
-            symbol = not re.match("[a-z]{2,}[ ,;-]|a ", text)
-            found |= dict.fromkeys(names.split(", "), text if symbol else text[0].upper() + text[1:])
-    return found

@@ -31,7 +31,7 @@ from icmj.fitting.groups import Difference
 from icmj.fitting.posterior import CALIBRATION_CAVEAT as VERDICT
 from icmj.fitting.posterior import PREDICTION_CAVEAT as PREDICTION
 from icmj.fitting.recordings import MEASURE_UNITS, MEASURES, measures, summarise
-from icmj.measurement.sway import MEASURES as OF_SWAY
+from icmj.measurement.measures import numbers_of
 from icmj.report import style
 from icmj.report.builder import render_page
 from icmj.report.findings import (
@@ -350,7 +350,7 @@ def _label(prior: Prior, i: int) -> str:
     return f"{title} ({unit})" if unit else title
 
 
-_WORDS = {measure.key: measure.words for measure in OF_SWAY}
+_WORDS = {number.key: number.words for number in numbers_of()}
 _MEASURED = dict(zip(MEASURES, ("rms", "speed", "frequency.slope", "short.H", "long.H", "frequency.mean"), strict=True))
 
 
@@ -375,7 +375,7 @@ def _overview(found: Fit) -> dict[str, Any]:
         ]
         young = tuple(factor * each for each in YOUNG_PEOPLE[key])
         own = (_spread(factor * each) for each in values)
-        rows.append((in_unit(_WORDS[key], unit), *own, f"{number_of(young[0], 3)} ± {number_of(young[1], 2)}"))
+        rows.append((in_unit(_WORDS.get(key, key), unit), *own, f"{number_of(young[0], 3)} ± {number_of(young[1], 2)}"))
     for name, trained in found.trained.items():
         prior = trained.family.prior
         for i in (i for i, verdict in enumerate(trained.calibration.verdicts) if verdict == "identified"):
@@ -444,7 +444,7 @@ def _person_item(found: Fit, one: FamilyFit, out: Path, drawn: bool, number: Ite
         runs = [simulate_member(trained.family, theta, i) for i, theta in enumerate(one.theta[:6])]
         shown = [cop for cop in runs if cop is not None][: len(one.person.trials)]
         scale, of = zip(*(readable(unit) for unit in MEASURE_UNITS), strict=True)
-        labels = [in_unit(_WORDS[_MEASURED[name]], unit) for name, unit in zip(MEASURES, of, strict=True)]
+        labels = [in_unit(_WORDS.get(_MEASURED[name], name), unit) for name, unit in zip(MEASURES, of, strict=True)]
         figure = sway_figure(one.person.trials, shown, RATE, labels, p.simulated * scale, p.observed * scale)
         caption = (
             "Above: recorded and simulated trials, and their power spectra. Beneath: measures of recorded trials "

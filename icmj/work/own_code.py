@@ -169,8 +169,8 @@ def reference_of(thing: Any) -> str:
     return f"{getattr(module, _ORIGIN, kind.__module__)}:{kind.__qualname__}"
 
 
-def folder_of(kind: type) -> Path | None:
-    """The folder from whose files a class was imported; ``None`` if its module is an installed one."""
+def folder_of(kind: type | Callable[..., Any]) -> Path | None:
+    """The folder from whose files a class or a function was imported; ``None`` if its module is an installed one."""
     module = sys.modules.get(kind.__module__)
     name = getattr(module, _ORIGIN, None)
     return Path(str(getattr(module, "__file__", ""))).parents[name.count(".")] if name else None

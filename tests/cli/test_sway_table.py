@@ -12,7 +12,8 @@ from icmj.cli.printing import _rows, record
 from icmj.experiments.quiet_standing import quiet_standing
 from icmj.experiments.recording import Recording
 from icmj.fitting.recordings import MEASURE_UNITS, measures, summarise
-from icmj.measurement.sway import MEASURES, OF_PLANE, Sway, measure_sway, sway_numbers
+from icmj.measurement.measures import numbers_of
+from icmj.measurement.sway import Sway, measure_sway, sway_numbers
 from icmj.series.series import Series
 
 SETTINGS = {"start", "end", "level", "offset"}  # of a fit, or of a confidence, and no measures
@@ -27,39 +28,37 @@ def sway() -> Sway:
 
 
 def leaves(value: Any) -> list[tuple[tuple[str, ...], float]]:
-    """Every single number in a dataclass of measures, by the way to it."""
+    """Every single number in measured values, or in one of them, by the way to it."""
     found = []
-    for field in fields(value):
-        inner = getattr(value, field.name)
+    parts = {f.name: getattr(value, f.name) for f in fields(value)} if is_dataclass(value) else value
+    for name, inner in parts.items():
         if is_dataclass(inner):
-            found += [((field.name, *way), number) for way, number in leaves(inner)]
+            found += [((name, *way), number) for way, number in leaves(inner)]
         elif isinstance(inner, float):
-            found.append(((field.name,), inner))
+            found.append(((name,), inner))
     return found
 
 
 def changed(value: Any, way: tuple[str, ...]) -> Any:
-    inner = getattr(value, way[0])
-    return replace(value, **{way[0]: changed(inner, way[1:]) if len(way) > 1 else 1.5 * inner + 1})
+    inner = value[way[0]] if isinstance(value, dict) else getattr(value, way[0])
+    return put(value, **{way[0]: changed(inner, way[1:]) if len(way) > 1 else 1.5 * inner + 1})
 
 
-LISTS = {"coordinate": MEASURES, "plane": OF_PLANE}
+def put(value: Any, **changes: Any) -> Any:
+    return {**value, **changes} if isinstance(value, dict) else replace(value, **changes)
 
 
-@pytest.mark.parametrize("part", LISTS)
+@pytest.mark.parametrize("part", ["coordinate", "plane"])
 def test_every_measure_is_in_the_one_list_in_the_table_and_in_the_json(sway: Sway, part: str) -> None:
     measures = sway.coordinates[0] if part == "coordinate" else sway.plane
     assert measures is not None
-    ways = [way for way, _ in leaves(measures) if way[-1] not in SETTINGS]
+    ways = [way for way, _ in leaves(measures.values) if way[-1] not in SETTINGS]
     assert len(ways) >= 10
 
-    def listed(of: Any) -> list[float]:
-        return [measure.value(of) for measure in LISTS[part]]
-
     for way in ways:
-        other = changed(measures, way)
-        assert listed(other) != listed(measures), f"{'.'.join(way)} is not in icmj/measurement/sway.py's list"
-        assert _rows(LISTS[part], other) != _rows(LISTS[part], measures)
+        other = replace(measures, values=changed(measures.values, way))
+        assert other.numbers != measures.numbers, f"{'.'.join(way)} is no number of a measure"
+        assert _rows(other) != _rows(measures)
         swapped = {"coordinates": (other,)} if part == "coordinate" else {"plane": other}
         other_record = json.dumps(record(replace(sway, **swapped)))
         assert other_record != json.dumps(record(sway)), f"{'.'.join(way)} is in no JSON"
@@ -69,7 +68,7 @@ def test_batches_experiments_and_fits_take_their_measures_from_the_list(sway: Sw
     """Numbers, names and units are those of the list wherever they stand, and so is what is missing."""
     first, second = sway.coordinates
     found = sway_numbers(sway.series)
-    assert list(found) == [f"{c.name}.{measure.key}" for c in (first, second) for measure in MEASURES]
+    assert list(found) == [f"{c.name}.{measure.key}" for c in (first, second) for measure in numbers_of()]
     assert found["ml.short.D"] == second.diffusion.short.D
     assert all(np.isnan(value) for value in sway_numbers(sway.series.since(59.9)).values())
     told = quiet_standing([Recording(sway.series)], resamples=9).numbers
@@ -84,5 +83,5 @@ def test_batches_experiments_and_fits_take_their_measures_from_the_list(sway: Sw
 
 def test_every_label_is_in_the_documentation(sway: Sway, root: Path) -> None:
     page = (root / "docs" / "measures.md").read_text(encoding="utf-8").lower().replace("$", "")
-    for measure in (*MEASURES, *OF_PLANE):
+    for measure in (*numbers_of(), *numbers_of("plane")):
         assert measure.words.split(",")[0].lower() in page, f"{measure.words!r} is not in docs/measures.md"

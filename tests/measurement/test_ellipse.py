@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from icmj.measurement.ellipse import prediction_ellipse, prediction_range
+from icmj.measurement.measures.prediction_ellipse import prediction_ellipse
+from icmj.measurement.measures.prediction_range import prediction_range
 
 COVARIANCE = np.array([[4.0, 1.5], [1.5, 1.0]])
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from icmj.measurement.stabilogram import Regime, diffusion
+from icmj.measurement.measures.stabilogram import Regime, diffusion
 
 RATE = 100.0
 

@@ -7,7 +7,7 @@ from scipy.signal import lfilter, welch
 
 from icmj import Noise, measure
 from icmj.linear.run import simulate
-from icmj.measurement.power_distribution import frequencies
+from icmj.measurement.measures.power_distribution import frequencies
 from icmj.measurement.statistics import (
     Estimate,
     Statistics,

@@ -10,8 +10,8 @@ from scipy import signal
 
 from icmj import Series, read_series
 from icmj.errors import DataError
-from icmj.measurement.power_distribution import frequencies
-from icmj.measurement.sway import MEASURES, from_torque, measure_sway
+from icmj.measurement.measures.power_distribution import frequencies
+from icmj.measurement.sway import from_torque, measure_sway
 
 RATE = 100.0
 T = np.arange(6000) / RATE
@@ -152,8 +152,8 @@ def test_a_row_more_or_less_changes_no_measure_by_more_than_its_share(seed):
 def one_of(x):
     """Sizes and frequencies of a record at 100 Hz, but its range, which a row may set."""
     found = measure_sway(Series(np.arange(len(x)) / RATE, x[:, None], ("ap",))).coordinates[0]
-    names = ("rms", "mean_distance", "speed", "frequencies.mean", "frequencies.edge", "frequencies.slope")
-    return {name: measure.value(found) for measure in MEASURES for name in names if measure.of == name}
+    keys = ("rms", "mean_distance", "speed", "frequency.mean", "frequency.edge", "frequency.slope")
+    return {key: found.number(key) for key in keys}
 
 
 def test_uneven_rows_and_other_rates_measure_the_same():

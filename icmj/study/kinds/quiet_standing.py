@@ -14,7 +14,7 @@ from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import ground_force
 from icmj.experiments.quiet_standing import YOUNG_PEOPLE, Standing, quiet_standing
 from icmj.experiments.recording import Recording
-from icmj.measurement.sway import MEASURES
+from icmj.measurement.measures import numbers_of
 from icmj.report import style
 from icmj.report.experiment import Norms, Row
 from icmj.report.findings import LINE, ShownResult, assign_colours, under_legend
@@ -111,7 +111,7 @@ class QuietStandingTable(Kind):
     def norms(self, names: Sequence[str]) -> Norms | None:
         if PRESSURE not in measured_signals(names):
             return None
-        keys = {f"{PRESSURE}, {each.words}": each.key for each in MEASURES if each.key in YOUNG_PEOPLE}
+        keys = {f"{PRESSURE}, {each.words}": each.key for each in numbers_of() if each.key in YOUNG_PEOPLE}
         named = {name: keys.get(name.partition(" (")[0]) for name in names}
         return Norms("young people", 24, {name: YOUNG_PEOPLE[key] for name, key in named.items() if key}, YOUNG)
 

@@ -7,11 +7,14 @@ walk, larger values are persistent, smaller ones anti-persistent.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from icmj.base.array import Array, between, steps_in
+from icmj.measurement.measure import Definition, Number, Signal, define_measure
 
 SHORT = (0.05, 0.5)
 LONG = (2.5, 10.0)
@@ -60,6 +63,10 @@ class Diffusion:
             return None
         lag = (self.long.offset - self.short.offset) / (2 * (self.short.D - self.long.D))
         return (float(lag), float(self.short.offset + 2 * self.short.D * lag)) if lag > 0 else None
+
+    def facts(self) -> Mapping[str, Any]:
+        """What records hold of it: the lines, without the curve."""
+        return {"short": self.short, "long": self.long, "critical": self.critical}
 
 
 def diffusion(
@@ -119,3 +126,45 @@ def _line(x: Array, y: Array) -> tuple[float, float]:
     about = x - x.mean()
     slope = float(about @ y / (about @ about))
     return slope, float(y.mean() - slope * x.mean())
+
+
+@define_measure(
+    "diffusion", standard=True,
+    numbers=[
+        Number("short.H", "H, short times", "", "short.H"),
+        Number("short.D", "D, short times", "U²/s", "short.D"),
+        Number("long.H", "H, long times", "", "long.H"),
+        Number("long.D", "D, long times", "U²/s", "long.D"),
+        Number("critical.lag", "critical lag", "s", "critical.0"),
+        Number("critical.displacement", "critical displacement", "U²", "critical.1"),
+    ],
+    definitions=[
+        Definition(
+            r"$\langle\Delta x^2\rangle(\Delta t)$",
+            r"mean of $(x_{i+m}-x_i)^2$ over all pairs, $m = f_s\Delta t$; in a plane, the sum over both coordinates",
+            "Collins & De Luca 1993",
+        ),
+        Definition(
+            "$H$, short and long times",
+            r"half the slope of $\log\langle\Delta x^2\rangle$ against $\log\Delta t$, from 0.05 to 0.5 s and from 2.5 "
+            "to 10 s",
+            "Collins & De Luca 1993",
+        ),
+        Definition(
+            "$D$, short and long times",
+            r"half the slope of $\langle\Delta x^2\rangle$ against $\Delta t$, in the same windows",
+            "Collins & De Luca 1993",
+        ),
+        Definition(
+            "critical lag, critical displacement",
+            "the coordinates of the point where the two straight lines that give $D$ intersect",
+            "Collins & De Luca 1993",
+        ),
+    ],
+)  # fmt: skip
+def of_signal(signal: Signal) -> Diffusion:
+    """Stabilogram diffusion, of a plane that of the distance."""
+    return diffusion(signal.about, 1 / signal.step)
+
+
+MEASURE = of_signal

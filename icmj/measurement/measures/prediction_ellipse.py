@@ -1,12 +1,15 @@
-"""Prediction ellipse and range of a sway, which contain a further value with a given probability."""
+"""The ellipse that holds a further point of a sway in a plane with a probability of 95 %."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.measurement.measure import Definition, Number, Signal, define_measure
 
 LEVEL = 0.95
 
@@ -33,6 +36,10 @@ class Ellipse:
     def area(self) -> float:
         """π a b [unit²]."""
         return float(np.pi * self.axes.prod())
+
+    def facts(self) -> Mapping[str, Any]:
+        """What records hold of it."""
+        return {**vars(self), "area": self.area}
 
     def outline(self, points: int = 181) -> Array:
         """The ellipse as a closed curve, shape (points, 2)."""
@@ -69,17 +76,24 @@ def prediction_ellipse(points: Array, level: float = LEVEL) -> Ellipse:
     return Ellipse(points.mean(axis=0), np.sqrt(factor * np.maximum(variances[::-1], 0)), angle, level)
 
 
-def prediction_range(values: Array, level: float = LEVEL) -> float:
-    """Width of the interval about the mean that holds a further value with probability ``level``: 2 t s √(1 + 1/N).
+@define_measure(
+    "ellipse", of=["plane"], standard=True,
+    numbers=[
+        Number("ellipse.area", "95 % prediction ellipse, area", "U²", "area"),
+        Number("ellipse.major", "ellipse, longer half axis", "U", "axes.0"),
+        Number("ellipse.minor", "ellipse, shorter half axis", "U", "axes.1"),
+        Number("ellipse.angle", "ellipse, angle", "rad", "angle"),
+    ],
+    definitions=[Definition(
+        "95 % prediction ellipse",
+        r"area $\pi\,\frac{2(N+1)(N-1)}{N(N-2)}F_{0.95;2,N-2}\sqrt{\det S}$ with the covariance matrix $S$; also its "
+        "semi-axes (half axes), and the angle of the longer one to the first coordinate",
+        "Chew 1966; see Schubert & Kirchner 2014",
+    )],
+)  # fmt: skip
+def of_signal(signal: Signal) -> Ellipse:
+    """95 % prediction ellipse of a plane."""
+    return replace(prediction_ellipse(signal.about), centre=signal.mean)
 
-    Values are taken as independent: of a record that is not much longer than the memory of its motion, fewer further
-    ones lie in it.
 
-    Args:
-        values: shape (N,), N > 1, normally distributed.
-        level: probability.
-    """
-    from scipy.special import stdtrit
-
-    N = len(values)
-    return float(2 * stdtrit(N - 1, (1 + level) / 2) * values.std(ddof=1) * np.sqrt(1 + 1 / N))
+MEASURE = of_signal

@@ -8,6 +8,7 @@ import numpy as np
 
 from icmj.base.array import RELATIVE_ROUNDING, Array, between
 from icmj.errors import DataError
+from icmj.measurement.measure import Definition, Number, Signal, define_measure
 
 SLOPE = (0.1, 0.7)  # Hz
 FEWEST_LINES = 4  # of the spectrum in that band, below which there is no slope
@@ -68,3 +69,50 @@ def _slope(f: Array, P: Array) -> float:
     if between(f[low], *SLOPE).sum() < FEWEST_LINES:
         return np.nan
     return float(np.polynomial.polynomial.polyfit(np.log(f[low]), np.log(P[low]), 1, w=np.sqrt(weight[low]))[1])
+
+
+@define_measure(
+    "frequencies", standard=True,
+    numbers=[
+        Number("frequency.mean", "mean frequency", "Hz", "mean"),
+        Number("frequency.median", "median frequency", "Hz", "median"),
+        Number("frequency.edge", "95 % frequency", "Hz", "edge"),
+        Number("frequency.slope", "slope of spectrum", "", "slope"),
+    ],
+    definitions=[
+        Definition(
+            "spectrum $P(f)$",
+            "Welch's method with Hann windows of half the record, which overlap by half, or by one row less, so that "
+            "no row is left out; the mean of each window is removed",
+            "Welch 1967; Santos & Duarte 2016",
+        ),
+        Definition(
+            "mean frequency",
+            r"$\int f P\,df / \int P\,df$ by the trapezoidal rule; in a plane, $P$ is the sum of both spectra. This is "
+            r"not the centroidal frequency $\sqrt{\int f^2 P\,df/\int P\,df}$ of Prieto 1996 (CFREQ)",
+            "Santos & Duarte 2016",
+        ),
+        Definition(
+            "median frequency, 95 % frequency", "the frequency below which half, or 95 %, of the power lies",
+            "Prieto 1996",
+        ),
+        Definition(
+            "slope of spectrum",
+            r"slope of $\log P$ against $\log f$ from 0.1 to 0.7 Hz, both included; a line outside by less than the "
+            "distance of two lines counts for the rest of that distance",
+        ),
+    ],
+)  # fmt: skip
+def of_signal(signal: Signal, *, band: tuple[float, float] = (0.0, np.inf)) -> Frequencies:
+    """Distribution of the power over frequency, of a plane that of the sum of both spectra.
+
+    Args:
+        signal: a coordinate or a plane.
+        band: lowest and highest frequency of the spectral measures [Hz].
+    """
+    if not 0 <= band[0] < band[1]:
+        raise DataError(f"a band of {band[0]:g} to {band[1]:g} Hz; expected two rising numbers from 0 on")
+    return frequencies(signal.frequency, signal.power, band)
+
+
+MEASURE = of_signal
