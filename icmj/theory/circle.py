@@ -364,20 +364,32 @@ class Spectra:
                 return near
         return equal
 
+    def _pairs_up(self, G: Array, g: Spectrum, i: int, delta: float) -> bool:
+        """Whether the i-th and its conjugate are two, and not one real eigenvalue that rounding has made two of."""
+        twin = int(np.abs(g - g[i].conj()).argmin())
+        return abs(g[i].imag) * delta > TOGETHER or (twin != i and not self._same(G, g, i, delta)[twin])
+
     def branch(self, kind: Kind, delta: float) -> EigenvalueBranch | None:
-        """The eigenvalue of this kind nearest to the circle; ``None`` where there is no complex pair."""
+        """The eigenvalue of this kind nearest to the circle; ``None`` where there is no complex pair.
+
+        Nor is there one at ±1 where the nearest belongs to a complex pair that comes very near.
+        """
         from scipy.linalg import eig
 
         F = self.flow.increment(delta - self.t_d)
         G = (self.left @ F @ self.right + self._jump) / delta
         g, left, right = eig(G, left=True, right=True)
         if kind == "complex":
-            upper = np.flatnonzero(g.imag * delta > TOGETHER)
+            upper = np.array(
+                [i for i in np.flatnonzero(g.imag > 0).tolist() if self._pairs_up(G, g, i, delta)], dtype=np.intp
+            )
             if not len(upper):
                 return None
             i = int(upper[np.abs(2 * g[upper].real + delta * np.abs(g[upper]) ** 2).argmin()])
         else:
             i = int(np.abs(g - (0.0 if kind == "+1" else -2.0 / delta)).argmin())
+            if TOGETHER >= abs(g[i].imag) * delta > 0 and self._pairs_up(G, g, i, delta):
+                return None
         same = self._same(G, g, i, delta)
         count = int(same.sum())
         rate = self.left @ (self.flow.A_C @ (self.right + F @ self.right))

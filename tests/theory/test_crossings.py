@@ -117,6 +117,32 @@ def test_a_complex_pair_that_comes_out_and_goes_back(excess):
     assert not [x for x in nothing if abs(x.delta - largest(abs(missed))[1]) < 0.6]
 
 
+@pytest.mark.parametrize("growth", [-1e-7, -1e-8, 1e-8, 1e-7])
+def test_a_slow_oscillator_under_a_hold_of_order_zero_crosses_beside_one_as_a_complex_pair(growth):
+    """What is held has no effect over a whole turn, after which the pair, of e^{AΔ} − ∫e^{As}ds B k, is near +1.
+
+    Its determinant is e^{tr A Δ} (1 − k A⁻¹(1 − e^{−AΔ})B), which is 1 where the pair crosses, less than 1e-6 from +1.
+    """
+    omega = 5.88
+    A, B = np.array([[growth, omega], [-omega, growth]]), np.array([[0.3], [1.0]])
+    plant = LinearPlant(A, B, [[1.0, 0.0]])
+    design = design_lq(plant, R_c=0.1, R_o=0.1)
+
+    def level(delta):
+        seen = design.k @ np.linalg.solve(A, B - expm(-A * delta) @ B)
+        return 2 * growth * delta + np.log1p(-float(seen[0, 0]))
+
+    turn = 2 * np.pi / omega
+    expected = brentq(level, turn - 1e-6, turn + 1e-6, xtol=1e-16)
+    found = search(error_system(plant, design, zero_order(design)), 1.2)
+    # besides, the two may be real for a while, a tenth of 1e-6 from +1, which counts as a touch
+    (there,) = (c for c in found.crossings if abs(c.delta - turn) < 1e-3 and c.direction != "tangent")
+    assert (there.kind, there.direction, there.multiplicity) == ("complex", "falling", 1)
+    assert there.delta == pytest.approx(expected, abs=1e-13)
+    assert 0 < there.eigenvalue.imag < 1e-6
+    assert found.unresolved == ()
+
+
 def test_the_published_failure_is_a_complex_pair_first():
     pair, minus = search(shipped("b=1.7"), 4.0).crossings
     assert (pair.kind, pair.direction) == ("complex", "rising")

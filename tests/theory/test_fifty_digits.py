@@ -8,7 +8,7 @@ from fifty_digits import Scan, check, differences, draw
 pytest.importorskip("flint", reason="arithmetic of 50 digits")
 
 
-@pytest.mark.parametrize("seed", [4, 5, 7, 8, 9, 11])
+@pytest.mark.parametrize("seed", [4, 5, 7, 8, 9, 11, 96])  # the last one: a pair that passes beside +1
 def test_crossings_are_those_of_a_scan_with_50_digits(seed):
     assert check(seed, far=False)[0] == "same"
 
