@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.row import Row
 from icmj import Case, RunFile, follow, load_run, prepare, simulate
-from icmj.cycle.curve import parameter
+from icmj.cycle.parameter import parameter
 from icmj.measurement.measurement import event_states
 
 RUNS = Path(__file__).resolve().parent.parent / "runs"

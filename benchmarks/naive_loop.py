@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from benchmarks.task import Task
-from icmj.engine.safety import isolate_engine
+from icmj.engine.isolation import isolate_engine
 
 
 def run(task: Task, duration: float, timestep: float) -> tuple[np.ndarray, float]:

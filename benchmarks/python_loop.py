@@ -14,8 +14,8 @@ import numpy as np
 from benchmarks.task import Task
 from icmj.engine.block import block_of
 from icmj.engine.extremes import POINTS
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.native.extremes import extremes
-from icmj.engine.safety import isolate_engine
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 

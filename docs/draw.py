@@ -313,7 +313,7 @@ def viewer(make: Callable[[Path], Path], time: float, inputs: tuple[str, ...]) -
         crop(to, above=36)  # the viewer's menu
         shrink(to)
 
-    return Picture(draw, (*inputs, "icmj/log/blueprint.py", "icmj/log/figure.py"))
+    return Picture(draw, (*inputs, "icmj/log/blueprint.py", "icmj/log/palette.py", "icmj/log/figure.py"))
 
 
 def _log(work: Path) -> Path:

@@ -34,7 +34,7 @@ from icmj.controller.delay import Delay
 from icmj.controller.design import Design, design_lq
 from icmj.controller.hold import Hold, system_matched, zero_order
 from icmj.errors import AnalysisError, DesignError
-from icmj.theory.circle import Crossing, Search, change_outside
+from icmj.theory.crossing import Crossing, Search, change_outside
 from icmj.theory.crossings import search
 
 LONGEST = 3.0  # s: end of the range searched, in the first unit of time

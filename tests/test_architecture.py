@@ -206,7 +206,7 @@ def test_what_is_on_disk_is_read_in_one_way() -> None:
         *(
             "report.builder",
             "report.drawing",
-            "log.figure",
+            "log.target",
             "series.formats.c3d",
             "study.sweep",
             "study.sweep_folder",
@@ -303,7 +303,7 @@ def test_the_command_line_prints_in_one_place() -> None:
     """What is printed elsewhere may hold what a terminal obeys, or end in a stream that nobody reads."""
     printed = re.compile(r"(?<![.\w])print\(|\bConsole\(|sys\.stdout\.write|from rich\.(console|markup) ")
     found = {name_of(path) for path in MODULES if printed.search(path.read_text(encoding="utf-8"))}
-    assert found == {"icmj.cli.terminal", "icmj.cli.main", "icmj.log.reader", "icmj.engine.safety"}
+    assert found == {"icmj.cli.terminal", "icmj.cli.main", "icmj.log.replay", "icmj.engine.faults"}
 
 
 def test_every_error_can_be_said_again_with_more_words() -> None:

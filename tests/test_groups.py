@@ -8,25 +8,18 @@ PACKAGE = Path(__file__).resolve().parents[1] / "icmj"
 LARGE = 25  # lines, from which a group of names that use one another is a thing of its own
 # why a file holds several things that do not use each other
 TOGETHER = {
-    "base/bernstein": "a truncation for whoever bounds by the same polynomials",
     "base/linking": "the one exception to public interfaces of libraries, with all that it needs",
     "base/parquet": "whether a table ends the process that reads it is asked before it is read",
     "case/case": "simulating without a run file is the same run",
     "case/notices": "notices, each for itself",
     "cli/files": "commands on files; each is to have a file of its own",
     "cli/printing": "what commands print; each is to have it in a file of its own",
-    "controller/delay": "the delay, and the prediction over it",
-    "cycle/stability_changes": "test functions, and the search for their zeros",
-    "engine/forces": "forces, and motions of the ground as forces",
     "fitting/recordings": "trials, and the public ones among them",
-    "linear/open_loop": "an interval, and its course",
     "measurement/measurement": "a motion, and its growth",
     "report/findings": "figures of fits and experiments, small ones",
     "report/many_runs": "sections, each for itself",
     "report/wording": "what several sections say",
     "series/plates": "the load of plates, and what is left out by it",
-    "simulation/open_loop": "an interval, and its course, as both plants have them",
-    "simulation/taps": "the controller's numbers, and whether a plant has what it reads",
     "study/kind": "what a kind of experiment offers, and what all of them share",
     "study/periodic_response": "a response, and its figure",
 }

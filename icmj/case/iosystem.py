@@ -57,7 +57,7 @@ def to_iosystem(
     if controller is None:
         if engine is None:
             return linear.statespace()
-        from icmj.engine.pose import plant_system
+        from icmj.engine.dynamics import plant_system
 
         return plant_system(engine)
     words = "it has no such form; simulate it with simulate_plant, and take to_timeresponse() of the run"
@@ -79,7 +79,7 @@ def to_iosystem(
                 "a model on the engine has events inside its steps; take controller.triggered_by(Continuous()), its "
                 "linear plant (plant.linearisation.plant), or to_timeresponse() of a run"
             )
-        from icmj.engine.pose import continuous_loop as continuous_on_engine
+        from icmj.engine.dynamics import continuous_loop as continuous_on_engine
 
         return continuous_on_engine(engine.matched(controller.design.plant, match), controller)
     from icmj.linear.systems import clocked_loop, continuous_loop, event_loop

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from icmj.engine.safety import files_of
+from icmj.engine.model_files import files_of
 from icmj.errors import RunFileError
 from icmj.runfile.schema import RunFile
 from icmj.runfile.target import find_files

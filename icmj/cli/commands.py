@@ -256,7 +256,7 @@ def live(command: arguments.LiveCommand) -> None:
 def report(command: arguments.ReportCommand) -> None:
     """Build the report page from logs."""
     from icmj.cycle.branch import branches_among
-    from icmj.log.reader import find_logs
+    from icmj.log.selection import find_logs
     from icmj.study.page import report as build
     from icmj.work.workers import Workers, processors
 
@@ -287,7 +287,7 @@ def report(command: arguments.ReportCommand) -> None:
 def export(command: arguments.ExportCommand) -> None:
     """Write rows and events of logs, say where they are."""
     from icmj.errors import DataError
-    from icmj.log.reader import find_logs
+    from icmj.log.selection import find_logs
 
     logs = find_logs([command.log], arguments.RESULTS)
     if len(logs) > 1 and command.out is not None:
@@ -322,8 +322,8 @@ def _export(log: Path, command: arguments.ExportCommand) -> None:
 @execute.register
 def replay(command: arguments.ReplayCommand) -> None:
     """Open or serve logs, or picture one."""
-    from icmj.log.reader import find_log, find_logs
-    from icmj.log.reader import replay as show
+    from icmj.log.replay import replay as show
+    from icmj.log.selection import find_log, find_logs
 
     logs = (
         [find_log(command.log, arguments.RESULTS)]
@@ -397,7 +397,7 @@ def identify(command: arguments.IdentifyCommand) -> None:
 def carry_out_identification(command: IdentifyCommand, out: Terminal, err: Terminal) -> None:
     """Say of each motion which value of the unknown made it."""
     from icmj.fitting.identification import identify
-    from icmj.log.reader import find_logs
+    from icmj.log.selection import find_logs
 
     if not command.motions:
         raise IdentificationError("no motion given: expected logs, or files of event times or outputs")

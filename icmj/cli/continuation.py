@@ -85,7 +85,7 @@ def continue_(command: arguments.ContinueCommand) -> None:
 
 
 def _show_branch(branch: Branch) -> None:
-    from icmj.cycle.curve import with_unit
+    from icmj.cycle.parameter import with_unit
 
     columns = (
         Column(with_unit(branch.parameter), "right"),

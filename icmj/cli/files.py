@@ -272,7 +272,7 @@ def _note_shipped(model: Path) -> list[str]:
 def _copy(shipped: Path, out: Path) -> list[Path]:
     """The run file of a shipped case, and the models that it names, side by side."""
     from icmj.base.files import read_bytes, replaceable, write_bytes, write_text
-    from icmj.engine.safety import MOST_BYTES
+    from icmj.engine.model_files import MOST_BYTES
     from icmj.runfile.reading import load_run
 
     run = load_run(shipped)
@@ -325,7 +325,7 @@ def measure(command: arguments.MeasureCommand) -> None:
     """Print the measures of sway in logs or a file."""
     from icmj.cli.printing import record, show_sway
     from icmj.errors import DataError
-    from icmj.log.reader import find_logs
+    from icmj.log.selection import find_logs
 
     if (command.torque is None) != (command.weight is None):
         raise DataError("--torque and --weight go together: the centre of pressure is torque over weight")

@@ -36,9 +36,10 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.delay import LEAST, NO_DELAY, Delay, predictor
+from icmj.controller.delay import LEAST, NO_DELAY, Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
+from icmj.controller.model_prediction import predictor
 from icmj.controller.realisation import Layout, Mode, Rates, Realisation
 from icmj.controller.setpoint import Setpoint
 from icmj.controller.trigger import ClockTrigger, Continuous, Faces, Kind, Trigger

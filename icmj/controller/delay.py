@@ -1,8 +1,8 @@
-"""The delay between an event and its action, and the predictor that compensates for it.
+"""The delay between an event and its action.
 
 At an event t_i the pair (x_o, x_h) is sampled. The old hold continues until t_i + t_d; then x_h := E_p (x_o, x_h)(t_i),
-where the model is run over the delay under the current hold (Gawthrop, Loram, Lakie and Gollee 2011). The predictor
-uses the delay that the controller *assumes*, which may differ from the actual one.
+a prediction over the delay that the controller *assumes* (:mod:`icmj.controller.model_prediction`), which may differ
+from the actual one.
 
 An event rule is armed again only after its feedback has acted, so at most one action is pending. A clock may tick
 faster than the delay; the model is then run through the pending resets, each at the time at which the controller
@@ -17,12 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from icmj.base.array import RELATIVE_ROUNDING, Array, exponential
-from icmj.controller.design import Design
-from icmj.controller.hold import Hold
+from icmj.base.array import RELATIVE_ROUNDING
 from icmj.errors import AnalysisError
 
-GROWTH = 36.0  # e³⁶: over a delay with more growth than that, rounding is as large as the state that is predicted
 LEAST = 1e-9  # s; with a shorter one event and action cannot be told apart in a recording
 
 
@@ -76,36 +73,3 @@ class Delay:
 
 
 NO_DELAY = Delay()
-
-
-def predictor(design: Design, hold: Hold, delay: float, resets: Sequence[float] = ()) -> Array:
-    """E_p, which takes (x_o, x_h, p_1 … p_r) to the state of the model after ``delay``.
-
-    It is the first block row of expm([[Â, −B̂k̂], [0, A_h]] t_d), taken through resets x_h := p_j on the way.
-
-    Args:
-        design, hold: of the controller.
-        delay: how far ahead [s].
-        resets: when x_h will be reset to p_1 … p_r, rising, each less than ``delay`` [s].
-
-    Returns:
-        shape (n̂, (2 + r) n̂).
-
-    Raises:
-        AnalysisError: if the model or the hold grows so much over the delay that no digit of the prediction is right.
-    """
-    n, known = design.plant.n, 2 + len(resets)
-    M = np.block([[design.plant.A, -design.plant.B @ design.k], [np.zeros((n, n)), hold.A_h]])
-    fastest = float(np.linalg.eigvals(M).real.max())
-    if fastest * delay > GROWTH:
-        raise AnalysisError(
-            f"no prediction over a delay of {delay:g} s: the model grows e^{fastest * delay:.3g}-fold in it, which "
-            "leaves no significant digit; assume a shorter delay"
-        )
-    state, now = np.eye(2 * n, known * n), 0.0
-    for j, at in enumerate(resets):
-        state = exponential(M * (at - now)) @ state
-        state[n:] = 0
-        state[n:, (2 + j) * n : (3 + j) * n] = np.eye(n)
-        now = at
-    return np.asarray((exponential(M * (delay - now)) @ state)[:n])

@@ -26,8 +26,9 @@ import numpy as np
 
 from icmj.base.array import RELATIVE_ROUNDING, Array
 from icmj.controller.controller import Law
-from icmj.controller.delay import GROWTH, Delay
+from icmj.controller.delay import Delay
 from icmj.controller.design import Design
+from icmj.controller.model_prediction import GROWTH
 from icmj.controller.realisation import Layout, Mode, Realisation
 from icmj.controller.setpoint import Setpoint
 from icmj.errors import AnalysisError

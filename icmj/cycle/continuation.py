@@ -22,21 +22,9 @@ from numpy.typing import NDArray
 from icmj.base.array import Array
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.case.case import Theory, expect_theory, prepare
+from icmj.cycle.bracketing import locate
 from icmj.cycle.branch import Branch, SpecialPoint
-from icmj.cycle.curve import (
-    CLOSED,
-    FINE,
-    Curve,
-    Miss,
-    Point,
-    Range,
-    ReturnMaps,
-    add_derivative,
-    correct,
-    parameter,
-    point,
-    redone,
-)
+from icmj.cycle.curve import CLOSED, Curve, Miss, Range, correct
 from icmj.cycle.cycle import LONGEST, Guess, Start, close_cycle, from_prediction, from_simulation
 from icmj.cycle.endings import (
     CLOSE,
@@ -48,17 +36,11 @@ from icmj.cycle.endings import (
     round_trip,
     touching,
 )
+from icmj.cycle.family import ReturnMaps
+from icmj.cycle.parameter import parameter
+from icmj.cycle.point import FINE, Point, add_derivative, point, redone
 from icmj.cycle.return_map import LostInterval, PlantKind, ReturnMap, fast_jacobian
-from icmj.cycle.stability_changes import (
-    Test,
-    critical,
-    describe_crossing,
-    direction,
-    find_crossed,
-    kappas,
-    locate,
-    value_of,
-)
+from icmj.cycle.stability_changes import Test, critical, describe_crossing, direction, find_crossed, kappas, value_of
 from icmj.cycle.trail import Trail, interpolate
 from icmj.errors import CycleError, prefix_errors
 from icmj.runfile.schema import RunFile

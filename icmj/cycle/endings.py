@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from icmj.cycle.bracketing import locate
 from icmj.cycle.branch import Kind, SpecialPoint
-from icmj.cycle.curve import Curve, Miss, Point, correct
-from icmj.cycle.stability_changes import locate
+from icmj.cycle.curve import Curve, Miss, correct
+from icmj.cycle.point import Point
 from icmj.cycle.trail import Trail
 
 CLOSE = 1e-6  # of the parameter, to which special points are located

@@ -33,8 +33,9 @@ from icmj.base.array import Array, falling
 from icmj.controller.controller import Controller, layout_of, realise, start_state
 from icmj.errors import CycleError
 from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation.course import Course
 from icmj.simulation.ending import Outcome
-from icmj.simulation.open_loop import Course, OpenLoop, OpenLoopInterval
+from icmj.simulation.open_loop import OpenLoop, OpenLoopInterval
 from icmj.simulation.settings import Bias, Settings, Step
 from icmj.theory.orbit import stands_still
 
@@ -360,7 +361,7 @@ def course(loop: ReturnMap, z: Array, length: float, rows: Array | None = None) 
     """The trajectory of the interval from ``z``, whose ``length`` [s] is known, from the stored simulation."""
     x, x_o, x_h = loop.split(z)
     if loop.kind == "linear":
-        from icmj.linear.open_loop import LinearCourse
+        from icmj.linear.course import LinearCourse
 
         return LinearCourse(loop.linear, loop.controller, loop.settings, x, x_o, x_h, length)
     from icmj.engine.open_loop import EngineCourse, EngineOpenLoop

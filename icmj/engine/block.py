@@ -26,7 +26,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.realisation import Realisation
-from icmj.engine.forces import WIDTH
+from icmj.engine.push_table import WIDTH
 from icmj.engine.signals import (
     CELL,
     FOREVER,

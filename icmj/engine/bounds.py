@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import (
     OperatingPoint,
     activation_rates,
@@ -20,7 +21,6 @@ from icmj.engine.model import (
     input_names,
     solve_fully,
 )
-from icmj.engine.safety import isolate_engine
 from icmj.plant.quality import Excess, Kind
 
 _SAME = 1e-6  # of the size of an answer: a change that no limit makes

@@ -15,10 +15,10 @@ from icmj.controller.controller import Controller, Law, has_trigger
 from icmj.engine.block import Block, block_of, numbers_of
 from icmj.engine.buffers import States
 from icmj.engine.composition import compose, embed, goes_by_steps, repack
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import data_at, depart, state_names
 from icmj.engine.operating_point import state_units
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.safety import isolate_engine
 from icmj.engine.schedule import Schedule, fastest_rate, phases_of
 from icmj.engine.stages import is_flow, may_constrain
 from icmj.simulation import ending

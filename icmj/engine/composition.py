@@ -26,9 +26,10 @@ from icmj.base.array import Array
 from icmj.controller.controller import Law, has_trigger
 from icmj.controller.realisation import Layout, Mode, Realisation
 from icmj.engine.block import numbers_of, pack
-from icmj.engine.forces import places, spread
 from icmj.engine.model import model_name
+from icmj.engine.moving_ground import spread
 from icmj.engine.plant import MujocoPlant
+from icmj.engine.push_table import places
 from icmj.errors import ModelError
 from icmj.simulation.disturbance import NO_PUSHES, Disturbance, Pushes, no_disturbance
 from icmj.simulation.taps import POWERS

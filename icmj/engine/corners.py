@@ -15,10 +15,10 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.engine.bounds import SORTS, Bound, impose, name_of, sort_bounds
+from icmj.engine.dynamics import Dynamics
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import input_names
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.pose import Dynamics
-from icmj.engine.safety import isolate_engine
 from icmj.plant.quality import BENT, Notice
 
 _SAMPLES = 64  # of a motion, beside those where a signal is largest

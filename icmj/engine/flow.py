@@ -25,6 +25,7 @@ from icmj.engine.buffers import Buffers, buffers
 from icmj.engine.closed_loop import ComposedLoop
 from icmj.engine.composition import at_ports
 from icmj.engine.extremes import ExtremesTracker
+from icmj.engine.faults import EngineFault, can_fault, words
 from icmj.engine.native.memory import run_guarded
 from icmj.engine.native.state import (
     EngineTrack,
@@ -37,7 +38,6 @@ from icmj.engine.native.state import (
 )
 from icmj.engine.native.steps import compile_steps
 from icmj.engine.native.stretches import compile_stretches
-from icmj.engine.safety import EngineFault, can_fault, words
 from icmj.engine.schedule import Schedule, fastest_rate
 from icmj.errors import ModelError
 from icmj.simulation import ending

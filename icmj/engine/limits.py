@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import activation_rates, free_activation_rates
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.safety import isolate_engine
 from icmj.simulation.disturbance import Disturbance
 
 _FORCES, _TORQUES = ("actuator_forcelimited", "tendon_actfrclimited"), ("jnt_actfrclimited",)

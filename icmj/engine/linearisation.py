@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.engine.forces import effects, push_rows
+from icmj.engine.forces import effects
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import (
     OperatingPoint,
     activation_rates,
@@ -24,7 +25,7 @@ from icmj.engine.model import (
 )
 from icmj.engine.operating_point import input_units, output_units, state_units
 from icmj.engine.ports import Ports, ports_of, still
-from icmj.engine.safety import isolate_engine
+from icmj.engine.push_table import push_rows
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.quality import IDLE

@@ -22,7 +22,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.engine.deviation import Deviation, shape
-from icmj.engine.safety import isolate_engine
+from icmj.engine.isolation import isolate_engine
 from icmj.errors import ModelError
 from icmj.plant.activation import Activation, Lag
 from icmj.plant.person import Person

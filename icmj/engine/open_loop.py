@@ -11,14 +11,15 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.controller import Controller, has_trigger, layout_of, realise, start_state
 from icmj.engine.closed_loop import ComposedLoop, close_loop
+from icmj.engine.faults import EngineFault, can_fault
 from icmj.engine.flow import Flow, Log, follow
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.safety import EngineFault, can_fault
 from icmj.engine.schedule import Schedule
 from icmj.engine.stepping import schedule_of
 from icmj.errors import CycleError, SimulationError
+from icmj.simulation.course import Sample
 from icmj.simulation.native.loop import Status
-from icmj.simulation.open_loop import OpenLoopInterval, Sample, one_in_flight
+from icmj.simulation.open_loop import OpenLoopInterval, one_in_flight
 from icmj.simulation.settings import Settings
 
 NEVER = 1e300  # s between rows: only events are wanted
@@ -128,7 +129,7 @@ class OpenLoops:
 
 
 class EngineCourse:
-    """See :class:`icmj.simulation.open_loop.Course`."""
+    """See :class:`icmj.simulation.course.Course`."""
 
     def __init__(
         self, flight: EngineOpenLoop, x: Array, x_o: Array, x_h: Array, length: float, rows: Array | None = None

@@ -23,6 +23,7 @@ import numpy as np
 
 from icmj.base.array import Array, leading
 from icmj.base.blas_threads import limit_to_one_thread
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import (
     OperatingPoint,
     data_at,
@@ -32,7 +33,6 @@ from icmj.engine.model import (
     model_name,
     state_names,
 )
-from icmj.engine.safety import isolate_engine
 from icmj.errors import ModelError
 from icmj.plant.body import OperatingRule
 from icmj.plant.quality import Notice

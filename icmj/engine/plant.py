@@ -13,7 +13,8 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.engine.deviation import Deviation
-from icmj.engine.forces import effects, on_bodies, places
+from icmj.engine.forces import effects
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.linearisation import Linearisation, linearise
 from icmj.engine.model import (
     Models,
@@ -30,10 +31,12 @@ from icmj.engine.model import (
     with_muscles,
     without_muscles,
 )
+from icmj.engine.moving_ground import on_bodies
 from icmj.engine.operating_point import equilibria, notice_move, state_units
 from icmj.engine.ports import ports_of, still
+from icmj.engine.push_table import places
 from icmj.engine.quality import assess
-from icmj.engine.safety import check_names, check_plant, check_sizes, isolate_engine, sound
+from icmj.engine.safety import check_names, check_plant, check_sizes, sound
 from icmj.engine.sensors import add_sensors
 from icmj.errors import ModelError
 from icmj.plant.activation import Activation, Lag

@@ -18,10 +18,12 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.controller import Controller, Law, has_trigger
-from icmj.engine.forces import forces, on_bodies, places
+from icmj.engine.forces import forces
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import solve_fully
+from icmj.engine.moving_ground import on_bodies
 from icmj.engine.plant import MujocoPlant, place
-from icmj.engine.safety import isolate_engine
+from icmj.engine.push_table import places
 from icmj.errors import ModelError
 from icmj.series.series import Series
 from icmj.simulation.pressure import Pressure
@@ -219,7 +221,7 @@ class _Ground:
     ) -> tuple[Array, Array]:
         """Centre of pressure (N, 2) and normal force on each geom (N, n_geom), by the contact forces.
 
-        ``pushes`` are a table of where they act (:mod:`icmj.engine.forces`) and their sizes, shape (N, K).
+        ``pushes`` are a table of where they act (:mod:`icmj.engine.push_table`) and their sizes, shape (N, K).
         """
         centre, load = np.full((len(x), 2), np.nan), np.zeros((len(x), self.model.ngeom))
         for i in self._visit(x, u, qpos, pushes):

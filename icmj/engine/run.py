@@ -39,10 +39,11 @@ from icmj.engine.stepping import Stepping, stepping_of
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.labels import labels_of
+from icmj.simulation.readings import expect_no_observer, expect_readings
 from icmj.simulation.rows import ControllerRows, collect_drives, keep_rows
 from icmj.simulation.settings import Settings, plant_start, start_states
 from icmj.simulation.simulation import Events, Simulation
-from icmj.simulation.taps import copy_of, expect_no_observer, expect_readings, least_of, modes_of
+from icmj.simulation.taps import copy_of, least_of, modes_of
 
 ORDERS = {mujoco.mjtIntegrator.mjINT_RK4: 4}  # all other integrators are of first order in the activations
 

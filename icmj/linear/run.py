@@ -32,14 +32,13 @@ from icmj.simulation.ending import EventPace
 from icmj.simulation.labels import labels_of
 from icmj.simulation.native.loop import Status
 from icmj.simulation.native.waves import Waves
+from icmj.simulation.readings import expect_no_observer, expect_readings
 from icmj.simulation.rows import collect_drives, edges_of, keep_rows
 from icmj.simulation.settings import Settings, plant_start, points_between, start_states
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.taps import (
     POWERS,
     begin,
-    expect_no_observer,
-    expect_readings,
     first_command,
     least_of,
     lengthen,

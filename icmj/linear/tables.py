@@ -26,7 +26,8 @@ import numpy as np
 from numpy.polynomial.chebyshev import cheb2poly, chebvander
 
 from icmj.base.array import Array, balance, exponential
-from icmj.base.bernstein import economise, from_powers
+from icmj.base.bernstein import from_powers
+from icmj.base.economisation import economise
 from icmj.linear.loop import Forcing, LinearLoop
 from icmj.linear.native.motion import Acting, Tables
 from icmj.simulation.settings import Gaussian, at_points, lines

@@ -53,7 +53,7 @@ from icmj.simulation.labels import Labels
 from icmj.simulation.pressure import Pressure
 from icmj.simulation.rows import collect_drives
 from icmj.simulation.simulation import Events, Simulation
-from icmj.theory.circle import Crossing
+from icmj.theory.crossing import Crossing
 from icmj.theory.orbit import Orbit
 from icmj.theory.orbit_family import OrbitFamily
 from icmj.theory.prediction import PredictedOrbit, Prediction

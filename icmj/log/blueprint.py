@@ -19,8 +19,9 @@ from icmj.case.laid_orbit import lay_orbit
 from icmj.case.motion import event_rows, output_rate
 from icmj.case.quantity import in_brackets, shared_unit
 from icmj.case.result import Result, has_prediction
-from icmj.log import figure
-from icmj.log.figure import TIMELINE, eye, time_column
+from icmj.log import palette
+from icmj.log.figure import eye
+from icmj.log.timeline import TIMELINE, time_column
 from icmj.simulation.scene import frames
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: PredictedResult) ->
         return np.column_stack([WIDE * y / scale_y, -rate / scale_rate])
 
     _write_frame(recording, scale_y, scale_rate, shared_unit(result.actual.output_units))
-    colours = figure.series(result.actual.n_y)
+    colours = palette.series(result.actual.n_y)
     approach = ~late
     events = event_rows(simulation)
     events = events[late[events]]
@@ -53,7 +54,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: PredictedResult) ->
         root = f"{ROOT}/{name}"
         strips = _inside(placed(y[approach, i], rate[approach, i]))
         if strips:
-            faint = figure.dim(figure.dim(colour))
+            faint = palette.dim(palette.dim(colour))
             recording.log(
                 f"{root}/approach", rr.LineStrips2D(strips, colors=[faint], radii=[-0.5], draw_order=1.0), static=True
             )
@@ -61,7 +62,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: PredictedResult) ->
             line = placed(orbit[0][:, i], orbit[1][:, i])
             recording.log(
                 f"{root}/orbit",
-                rr.LineStrips2D([line], colors=[figure.dim(figure.WHITE)], radii=[-3.0], draw_order=10.0 + i),
+                rr.LineStrips2D([line], colors=[palette.dim(palette.WHITE)], radii=[-3.0], draw_order=10.0 + i),
                 static=True,
             )
         line = placed(y[late, i], rate[late, i])
@@ -72,7 +73,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: PredictedResult) ->
             at = placed(y[events, i], rate[events, i])
             recording.log(
                 f"{root}/events",
-                rr.Points2D(at, colors=[figure.EVENT], radii=[-3.5], draw_order=30.0 + i),
+                rr.Points2D(at, colors=[palette.EVENT], radii=[-3.5], draw_order=30.0 + i),
                 static=True,
             )
     shown = frames(simulation.t)
@@ -107,13 +108,13 @@ def _inside(line: Array, reach: float = 1.2) -> list[Array]:
 def _write_frame(recording: rr.RecordingStream, scale_y: float, scale_rate: float, unit: str) -> None:
     axes = [[[-1.2 * WIDE, 0], [1.2 * WIDE, 0]], [[0, -1.2], [0, 1.2]]]
     recording.log(
-        f"{ROOT}/axes", rr.LineStrips2D(axes, colors=[figure.GREY], radii=[-0.6], draw_order=0.0), static=True
+        f"{ROOT}/axes", rr.LineStrips2D(axes, colors=[palette.GREY], radii=[-0.6], draw_order=0.0), static=True
     )
     ticks = [[-WIDE, 0.0], [WIDE, 0.0], [0.0, -1.0], [0.0, 1.0]]
     labels = [f"{-scale_y:g}", f"{scale_y:g}", f"{scale_rate:g}", f"{-scale_rate:g}"]
     recording.log(
         f"{ROOT}/ticks",
-        rr.Points2D(ticks, labels=labels, colors=[figure.WHITE], radii=[-2.0], show_labels=True, draw_order=0.5),
+        rr.Points2D(ticks, labels=labels, colors=[palette.WHITE], radii=[-2.0], show_labels=True, draw_order=0.5),
         static=True,
     )
     recording.log(
@@ -121,7 +122,7 @@ def _write_frame(recording: rr.RecordingStream, scale_y: float, scale_rate: floa
         rr.Points2D(
             [[1.15 * WIDE, -0.16], [0.0, -1.3]],
             labels=[f"y{in_brackets(unit)}", f"dy/dt{in_brackets(unit, '/s')}"],
-            colors=[figure.WHITE],
+            colors=[palette.WHITE],
             radii=[0.0],
             show_labels=True,
         ),

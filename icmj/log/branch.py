@@ -21,10 +21,12 @@ from icmj.base.files import whole
 from icmj.base.text import one_line
 from icmj.cycle.branch import Branch, pack, unpack
 from icmj.errors import IcmjError, LogError
-from icmj.log import figure
+from icmj.log import palette
 from icmj.log.blueprint import BACKGROUND, arrange
-from icmj.log.figure import eye, in_memory, time_column, write_figures
+from icmj.log.figure import eye, write_figures
 from icmj.log.reader import static_row
+from icmj.log.target import in_memory
+from icmj.log.timeline import time_column
 from icmj.log.writer import APPLICATION, ARCHIVE, strictly
 from icmj.simulation.scene import Scene
 
@@ -144,7 +146,7 @@ def _body(branch: Branch) -> tuple[Any, Array | None]:
 
 
 def _series(recording: rr.RecordingStream, path: str, t: Array, values: Array, names: tuple[str, ...]) -> None:
-    style = rr.SeriesLines(colors=list(figure.series(len(names))), names=list(names), widths=[1.5] * len(names))
+    style = rr.SeriesLines(colors=list(palette.series(len(names))), names=list(names), widths=[1.5] * len(names))
     recording.log(path, style, static=True)
     flat = np.ascontiguousarray(values, dtype=float).reshape(-1)
     columns = rr.Scalars.columns(scalars=flat).partition(np.full(len(t), values.shape[1]))
@@ -161,11 +163,11 @@ def _diagram(recording: rr.RecordingStream, branch: Branch, t: Array, at: np.nda
         return np.column_stack([WIDE * (x - middle) / half, 1 - 2 * np.minimum(y, 1.05 * top) / top])
 
     frame = [[-WIDE, -1.0], [-WIDE, 1.0], [WIDE, 1.0]]
-    recording.log("diagram/frame", rr.LineStrips2D([frame], colors=[figure.GREY], radii=[-0.75]), static=True)
+    recording.log("diagram/frame", rr.LineStrips2D([frame], colors=[palette.GREY], radii=[-0.75]), static=True)
     ends = [f"{branch.parameter} = {branch.value[np.argmin(value)]:.4g}", f"{branch.value[np.argmax(value)]:.4g}"]
     labels = rr.Points2D(
         [[-WIDE, 1.12], [WIDE, 1.12], [-WIDE, -1.1]], labels=[*ends, f"Δ_ol = {top:.3g} s"], radii=[0.0] * 3,
-        colors=[figure.GREY] * 3, show_labels=True,
+        colors=[palette.GREY] * 3, show_labels=True,
     )  # fmt: skip
     recording.log("diagram/labels", labels, static=True)
     strips, colours = [], []
@@ -173,10 +175,10 @@ def _diagram(recording: rr.RecordingStream, branch: Branch, t: Array, at: np.nda
         points = placed(value, branch.intervals[:, j])
         for i in range(len(branch) - 1):
             strips.append(points[i : i + 2])
-            colours.append(figure.SKY if branch.attracting[i] and branch.attracting[i + 1] else figure.VERMILION)
+            colours.append(palette.SKY if branch.attracting[i] and branch.attracting[i + 1] else palette.VERMILION)
     recording.log("diagram/branch", rr.LineStrips2D(strips, colors=colours, radii=[-1.2]), static=True)
     here = placed(value[at], branch.intervals[at].mean(axis=1))
-    recording.log("diagram/here", rr.Points2D.from_fields(colors=[figure.YELLOW], radii=[0.05]), static=True)
+    recording.log("diagram/here", rr.Points2D.from_fields(colors=[palette.YELLOW], radii=[0.05]), static=True)
     recording.send_columns("diagram/here", [time_column(t)], rr.Points2D.columns(positions=here))
 
 

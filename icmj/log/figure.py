@@ -1,23 +1,11 @@
-"""The 3D figures: each geom once, then whole columns of body poses; true at the left, magnified at the right.
+"""The 3D figures of a log, written and read back: the body as it sways at the left, magnified at the right.
 
-Read back, they are the scene that they were written from, in single precision.
-
-Colours of the replay: the hues of Okabe and Ito, for every kind of colour vision, legible on dark and white.
-
-The viewer's plots are on the ground of its theme, dark or light; so every colour of a series is of middling lightness,
-with a contrast of three to one or more to both. The body and the pictures in a frame have a dark ground of their own.
-
-The target of rerun's output: memory, which this process then writes to the disk; and the columns of times in it.
-
-rerun's own writer says nothing of a full disk, and once in some hundred times it waits for ever there.
+Each geom is written once, then whole columns of body poses. What is read back is the scene that they were written from,
+in single precision.
 """
 
 from __future__ import annotations
 
-import os
-import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -27,81 +15,9 @@ import rerun as rr
 from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import LogError
+from icmj.log.palette import PURPLE, VERMILION, WHITE, YELLOW
+from icmj.log.timeline import TIMELINE, time_column
 from icmj.simulation.scene import Geom, Scene, frames
-
-Colour = tuple[int, int, int, int]
-
-ORANGE: Colour = (208, 128, 0, 255)
-SKY: Colour = (58, 150, 214, 255)
-GREEN: Colour = (0, 158, 115, 255)
-OLIVE: Colour = (150, 140, 10, 255)
-BLUE: Colour = (0, 114, 178, 255)
-VERMILION: Colour = (208, 66, 20, 255)
-PURPLE: Colour = (200, 112, 162, 255)
-BROWN: Colour = (150, 98, 60, 255)
-GREY: Colour = (130, 130, 130, 255)
-# on a dark ground of their own only
-WHITE: Colour = (240, 240, 240, 255)
-YELLOW: Colour = (240, 228, 66, 255)
-
-CONTINUOUS = GREY
-LEVEL: Colour = (176, 96, 152, 255)
-EVENT = VERMILION
-E = SKY
-RUNNING = GREY
-CRITICAL = ORANGE
-OTHER_MODES: Colour = (95, 110, 120, 255)
-
-_CYCLE = (SKY, ORANGE, GREEN, PURPLE, VERMILION, OLIVE, BLUE, BROWN)
-
-
-def series(count: int) -> tuple[Colour, ...]:
-    """Colours of ``count`` series; they repeat after eight."""
-    return tuple(_CYCLE[i % len(_CYCLE)] for i in range(count))
-
-
-def dim(colour: Colour) -> Colour:
-    """The same hue, darker: a prediction under its measurement, the approach to a cycle."""
-    r, g, b, a = colour
-    return (r * 2 // 5 + 12, g * 2 // 5 + 12, b * 2 // 5 + 12, a)
-
-
-def pale(colour: Colour) -> Colour:
-    """The same hue, greyer: the acting input, drawn over the command."""
-    r, g, b, a = colour
-    return ((r + 130) // 2, (g + 130) // 2, (b + 130) // 2, a)
-
-
-_OPEN = Path("/proc/self/fd")  # files that a process has open, by name
-TIMELINE = "time"
-
-
-@contextmanager
-def in_memory(part: Path) -> Iterator[Path]:
-    """A path for rerun to write to, the content of which is in ``part`` when the block ends well.
-
-    Where the system has no files in memory it is ``part`` itself.
-
-    Raises:
-        OSError: if it cannot be written.
-    """
-    if not hasattr(os, "memfd_create") or not _OPEN.is_dir():
-        yield part
-        return
-    with os.fdopen(os.memfd_create("icmj-log"), "rb") as memory:
-        yield _OPEN / str(memory.fileno())
-        if memory.seek(0, os.SEEK_END) == 0:  # rerun is switched off
-            return
-        memory.seek(0)
-        with part.open("wb") as file:
-            shutil.copyfileobj(memory, file, 1 << 22)
-
-
-def time_column(t: Array) -> rr.TimeColumn:
-    """Seconds as rerun's time, to the nearest nanosecond (the archive keeps them exactly)."""
-    nanoseconds = np.rint(np.asarray(t) * 1e9).astype(np.int64)
-    return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))
-
 
 ROOT = "scene"
 FLOOR_COLOUR = (150, 156, 164, 255)

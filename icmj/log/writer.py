@@ -35,9 +35,12 @@ from icmj.case.quantity import in_brackets, in_unit
 from icmj.case.result import Result, has_prediction
 from icmj.controller.setpoint import Setpoint
 from icmj.errors import LogError
-from icmj.log import archive, figure
+from icmj.log import archive, palette
 from icmj.log.blueprint import blueprint, write_phase_plane
-from icmj.log.figure import Colour, in_memory, time_column, write_figures
+from icmj.log.figure import write_figures
+from icmj.log.palette import Colour
+from icmj.log.target import in_memory
+from icmj.log.timeline import time_column
 from icmj.measurement.statistics import Estimate
 from icmj.simulation.simulation import Simulation
 from icmj.theory.prediction import PREDICTION
@@ -84,7 +87,7 @@ def groups(result: Result) -> Iterator[Entity]:
         yield from _modes(result)
     run = result.simulation
     if run.mode.size:
-        yield Entity("mode/run", run.t, run.mode[:, None].astype(float), (", ".join(run.modes),), (figure.RUNNING,))
+        yield Entity("mode/run", run.t, run.mode[:, None].astype(float), (", ".join(run.modes),), (palette.RUNNING,))
 
 
 def _bare_signals(result: Result) -> Iterator[Entity]:
@@ -95,7 +98,7 @@ def _bare_signals(result: Result) -> Iterator[Entity]:
         ("inputs/run", run.u, plant.inputs),
         ("states/plant", run.x, plant.states),
     ):
-        yield Entity(path, run.t, values, names, figure.series(len(names)))
+        yield Entity(path, run.t, values, names, palette.series(len(names)))
     yield from setpoint_groups(run)
 
 
@@ -103,16 +106,16 @@ def _signals(result: PredictedResult) -> Iterator[Entity]:
     """Outputs, inputs and states: continuous, predicted and run, in this (alphabetical) order drawn on each other."""
     simulation, continuous, prediction = result.simulation, result.continuous, result.prediction
     y_names, u_names = result.actual.outputs, result.actual.inputs
-    y_colours, u_colours = figure.series(len(y_names)), figure.series(len(u_names))
+    y_colours, u_colours = palette.series(len(y_names)), palette.series(len(u_names))
     laid = lay_orbit(result) if prediction.cycle else None
     if laid is not None:
         y, u = (laid.at(simulation.t, signal) for signal in (laid.orbit.y, laid.orbit.u))
         for where, values, names, colours in (("outputs", y, y_names, y_colours), ("inputs", u, u_names, u_colours)):
-            dim = tuple(figure.dim(colour) for colour in colours)
+            dim = tuple(palette.dim(colour) for colour in colours)
             yield Entity(f"{where}/predicted", simulation.t, values, ("predicted orbit",) * len(names), dim, 5.0)
     if continuous is not None:
         for where, values, names in (("outputs", continuous.y, y_names), ("inputs", continuous.u, u_names)):
-            grey = (figure.CONTINUOUS,) * len(names)
+            grey = (palette.CONTINUOUS,) * len(names)
             yield Entity(f"{where}/continuous", continuous.t, values, ("continuous control",) * len(names), grey, 1.0)
     yield Entity("outputs/run", simulation.t, simulation.y, y_names, y_colours)
     yield from setpoint_groups(simulation)
@@ -123,14 +126,14 @@ def _signals(result: PredictedResult) -> Iterator[Entity]:
         ("states/observer", (simulation.t, simulation.x_o), result.assumed.states),
         ("states/hold", with_resets(simulation, simulation.x_h, events.x_o), result.assumed.states),
     ):
-        yield Entity(path, t, values, names, figure.series(len(names)))
+        yield Entity(path, t, values, names, palette.series(len(names)))
 
 
 def setpoint_groups(simulation: Simulation) -> Iterator[Entity]:
     """The set-point that a run followed, if any."""
     if simulation.setpoint:
         names = tuple(f"set-point {name}" for name in simulation.setpoint.names)
-        colours = tuple(figure.pale(colour) for colour in figure.series(len(names)))
+        colours = tuple(palette.pale(colour) for colour in palette.series(len(names)))
         yield Entity("outputs/setpoint", *_upright(simulation.setpoint, simulation.t), names, colours, 1.0)
 
 
@@ -148,7 +151,7 @@ def acting_groups(result: Result) -> Iterator[Entity]:
     inputs = acting(result)
     if inputs:
         names = tuple(f"{result.actual.inputs[i]}, what acts" for i in inputs)
-        colours = tuple(figure.pale(figure.series(result.actual.n_u)[i]) for i in inputs)
+        colours = tuple(palette.pale(palette.series(result.actual.n_u)[i]) for i in inputs)
         values = np.ascontiguousarray(result.simulation.applied[:, inputs])
         yield Entity("inputs/what_acts", result.simulation.t, values, names, colours, 1.0)
     run = result.simulation
@@ -156,7 +159,7 @@ def acting_groups(result: Result) -> Iterator[Entity]:
         names = tuple(
             f"push on {name}{in_brackets(unit)}" for name, unit in zip(run.push_names, run.push_units, strict=True)
         )
-        colours = tuple(figure.pale(colour) for colour in figure.series(len(names)))
+        colours = tuple(palette.pale(colour) for colour in palette.series(len(names)))
         yield Entity("inputs/pushes", run.t, np.ascontiguousarray(run.push_values), names, colours, 1.0)
 
 
@@ -167,9 +170,9 @@ def pressure_groups(result: Result) -> Iterator[Entity]:
         return
     axes = pressure.axes or ("x",)
     there = ["xy".index(axis) for axis in axes]
-    colours = figure.series(len(axes))
+    colours = palette.series(len(axes))
     rest = np.tile(pressure.at_rest[there], (2, 1))
-    dim = tuple(figure.dim(colour) for colour in colours)
+    dim = tuple(palette.dim(colour) for colour in colours)
     yield Entity("pressure/at_rest", simulation.t[[0, -1]], rest, ("at rest",) * len(axes), dim, 1.5)
     for path, values, after, names in (
         ("pressure/centre", pressure.centre[:, there], pressure.centre_after[:, there], axes),
@@ -178,7 +181,7 @@ def pressure_groups(result: Result) -> Iterator[Entity]:
         t = simulation.t
         if len(after):
             t, values = with_resets(simulation, values, after)
-        yield Entity(path, t, np.ascontiguousarray(values), names, figure.series(len(names)))
+        yield Entity(path, t, np.ascontiguousarray(values), names, palette.series(len(names)))
 
 
 def _trigger(result: PredictedResult) -> Iterator[Entity]:
@@ -190,11 +193,11 @@ def _trigger(result: PredictedResult) -> Iterator[Entity]:
     events = simulation.events
     share = np.sqrt(np.maximum(1 + simulation.E[:, None] / faces.unit, 0))  # E = unit · (share² − 1)
     t, share = with_resets(simulation, share, np.zeros((len(events), 1)))
-    yield Entity("trigger/threshold", simulation.t[[0, -1]], np.ones((2, 1)), ("threshold",), (figure.LEVEL,), 1.5)
-    yield Entity("trigger/E", t, share, ("hold error / threshold",), (figure.E,))
+    yield Entity("trigger/threshold", simulation.t[[0, -1]], np.ones((2, 1)), ("threshold",), (palette.LEVEL,), 1.5)
+    yield Entity("trigger/E", t, share, ("hold error / threshold",), (palette.E,))
     if len(events):
         at = np.ones((len(events), 1))
-        yield Entity("trigger/events", events.t, at, ("event",), (figure.EVENT,), 3.0, "points")
+        yield Entity("trigger/events", events.t, at, ("event",), (palette.EVENT,), 3.0, "points")
 
 
 def _intervals(result: PredictedResult) -> Iterator[Entity]:
@@ -203,14 +206,14 @@ def _intervals(result: PredictedResult) -> Iterator[Entity]:
     if simulation.control == "continuous":
         return
     t, since = running_interval(simulation)
-    yield Entity("interval/running", t, since[:, None], ("time since last event",), (figure.RUNNING,), 1.0)
+    yield Entity("interval/running", t, since[:, None], ("time since last event",), (palette.RUNNING,), 1.0)
     if prediction.delta_crit is not None:
         name = "Δ_crit" if prediction.cycle else "Δ_crit (no cycle predicted)"
         line = np.full((2, 1), prediction.delta_crit)
-        yield Entity("interval/delta_crit", simulation.t[[0, -1]], line, (name,), (figure.LEVEL,), 1.5)
+        yield Entity("interval/delta_crit", simulation.t[[0, -1]], line, (name,), (palette.LEVEL,), 1.5)
     if len(simulation.events):
         at = simulation.events.interval[:, None]
-        yield Entity("interval/events", simulation.events.t, at, ("Δ_i",), (figure.EVENT,), 4.0, "points")
+        yield Entity("interval/events", simulation.events.t, at, ("Δ_i",), (palette.EVENT,), 4.0, "points")
 
 
 def _modes(result: PredictedResult) -> Iterator[Entity]:
@@ -221,16 +224,16 @@ def _modes(result: PredictedResult) -> Iterator[Entity]:
     chi = modes(result, reduce_state(result, simulation.x, simulation.x_o, simulation.x_h)).real
     if chi.shape[1] > 1:
         others = ("other modes",) * (chi.shape[1] - 1)
-        grey = (figure.OTHER_MODES,) * len(others)
+        grey = (palette.OTHER_MODES,) * len(others)
         yield Entity("modes/others", simulation.t, np.ascontiguousarray(chi[:, 1:]), others, grey, 1.0)
     if prediction.gamma is not None:
         lines = np.outer([1, 1], [prediction.gamma, -prediction.gamma])
-        yield Entity("modes/gamma", simulation.t[[0, -1]], lines, ("γ", "−γ"), (figure.LEVEL,) * 2, 1.5)
-    yield Entity("modes/critical", simulation.t, chi[:, :1].copy(), ("critical mode",), (figure.CRITICAL,))
+        yield Entity("modes/gamma", simulation.t[[0, -1]], lines, ("γ", "−γ"), (palette.LEVEL,) * 2, 1.5)
+    yield Entity("modes/critical", simulation.t, chi[:, :1].copy(), ("critical mode",), (palette.CRITICAL,))
     if len(simulation.events):
         events = simulation.events
         at = modes(result, reduce_state(result, events.x, events.x_o, events.x_h)).real[:, :1].copy()
-        yield Entity("modes/events", events.t, at, ("event",), (figure.EVENT,), 3.0, "points")
+        yield Entity("modes/events", events.t, at, ("event",), (palette.EVENT,), 3.0, "points")
 
 
 Properties = dict[str, dict[str, float | int | bool | str]]

@@ -12,7 +12,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.cycle.branch import Branch, SpecialPoint
-from icmj.cycle.curve import unit_of
+from icmj.cycle.parameter import unit_of
 from icmj.errors import ReportError
 from icmj.report import style
 

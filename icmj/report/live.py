@@ -2,8 +2,8 @@
 
 The script (``loop.js``, ``theory.js``, ``live.js`` in ``templates/``) has no controller of its own. It is given the
 controller's :class:`icmj.controller.realisation.Realisation` as numbers, which do not depend on b, and on q_t by a
-factor alone; maps J and G for a few delays; the plant as a chain of links (:mod:`icmj.engine.pose`) and as matrices;
-and a table of predictions over b and delay. Sliders move within these.
+factor alone; maps J and G for a few delays; the plant as a chain of links (:mod:`icmj.engine.planar_chain`) and as
+matrices; and a table of predictions over b and delay. Sliders move within these.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from icmj.case.quantity import quantities
 from icmj.controller.controller import has_trigger
 from icmj.controller.delay import Delay
 from icmj.controller.realisation import Realisation
+from icmj.engine.planar_chain import chain_of
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.pose import chain_of
 from icmj.engine.schedule import fastest_rate
 from icmj.errors import AnalysisError, ReportError
 from icmj.plant.linear_plant import LinearPlant

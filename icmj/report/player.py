@@ -26,7 +26,7 @@ from icmj.report.style import NAME
 from icmj.simulation.scene import Geom, Scene, frames
 
 if TYPE_CHECKING:
-    from icmj.engine.pose import Chain
+    from icmj.engine.planar_chain import Chain
 
 
 MOST = 4000  # frames, the last of a run: 80 s of 50 Hz

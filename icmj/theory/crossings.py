@@ -42,28 +42,11 @@ from numpy.typing import NDArray
 from icmj.base.array import Array
 from icmj.errors import AnalysisError
 from icmj.theory.chebyshev import coefficients, nodes, roots
-from icmj.theory.circle import (
-    DEGREE,
-    KINDS,
-    Crossing,
-    Direction,
-    EigenvalueBranch,
-    Kind,
-    Search,
-    Spectra,
-    change_outside,
-    circle_function,
-    distinct,
-    height_of,
-    near,
-    once,
-    outside,
-    quiet,
-    series,
-    tail,
-)
+from icmj.theory.circle import DEGREE, KINDS, circle_function, height_of, near, once, outside, quiet, series, tail
+from icmj.theory.crossing import Crossing, Direction, Kind, Search, change_outside, distinct
 from icmj.theory.error_system import ErrorSystem, Flow, flow
 from icmj.theory.reduction import Reduction, reduction
+from icmj.theory.spectra import EigenvalueBranch, Spectra
 
 _PANELS = 8
 _DEPTH = 14

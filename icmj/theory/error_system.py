@@ -27,9 +27,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from icmj.base.array import Array, balance, exponential, real
 from icmj.controller.controller import ERRORS, Controller, compose
-from icmj.controller.delay import NO_DELAY, Delay, predictor
+from icmj.controller.delay import NO_DELAY, Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold, system_matched
+from icmj.controller.model_prediction import predictor
 from icmj.controller.trigger import ClockTrigger
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, Match, match_ports, transformation

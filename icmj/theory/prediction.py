@@ -23,7 +23,7 @@ from icmj.controller.controller import Controller
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger, EventRule, expect_rule
 from icmj.errors import AnalysisError
-from icmj.theory.circle import Crossing, Kind
+from icmj.theory.crossing import Crossing, Kind
 from icmj.theory.crossings import Outlook, check_range, outlook, search
 from icmj.theory.error_system import ErrorSystem, Flow, flow
 from icmj.theory.orbit import (

@@ -5,7 +5,8 @@ import pytest
 from numpy.polynomial import Chebyshev, Polynomial
 from scipy.interpolate import BPoly
 
-from icmj.base.bernstein import economise, from_powers, halves
+from icmj.base.bernstein import from_powers, halves
+from icmj.base.economisation import economise
 
 a = np.array([0.3, -1.2, 0.7, 0.1, -0.4])
 

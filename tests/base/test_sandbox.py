@@ -59,6 +59,6 @@ def test_whatever_may_crash_runs_in_this_one_sandbox(root: Path) -> None:
         for path in (root / "icmj").rglob("*.py")
         if "subprocess.run(" in (text := path.read_text(encoding="utf-8")) or "Popen(" in text
     }
-    assert starts == {"base/bounded_program.py", "work/workers.py", "log/reader.py"}
-    used = {"engine/safety.py", "series/formats/c3d.py", "log/reader.py", "base/parquet.py"}
+    assert starts == {"base/bounded_program.py", "work/workers.py", "log/replay.py"}
+    used = {"engine/rehearsal.py", "series/formats/c3d.py", "log/program.py", "base/parquet.py"}
     assert all("run_bounded(" in (root / "icmj" / name).read_text(encoding="utf-8") for name in used)

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 import icmj
 from icmj.case.case import Case, prepare
-from icmj.cycle.curve import parameter
+from icmj.cycle.parameter import parameter
 from icmj.errors import CycleError, ModelError, RunFileError
 from icmj.runfile.schema import overridden
 from icmj.runfile.sweep_tables import SweepFile

@@ -10,7 +10,7 @@ import pytest
 
 from icmj import load_experiment, load_run
 from icmj.case.references import digests
-from icmj.engine.safety import files_of
+from icmj.engine.model_files import files_of
 from icmj.errors import ModelError, RunFileError
 from icmj.fitting.family import Family, Prior
 from icmj.runfile.family_tables import load_family_file

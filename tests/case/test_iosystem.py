@@ -111,7 +111,7 @@ def test_a_ball_joint_turns_as_the_engine_turns_it(tmp_path):
         '<actuator><motor name="m" joint="b" gear="1 0 0"/></actuator>'
         '<sensor><ballquat name="q" joint="b"/></sensor></mujoco>'
     )
-    from icmj.engine.pose import Dynamics
+    from icmj.engine.dynamics import Dynamics
 
     dynamics = Dynamics(icmj.load_plant(model))
     # about one axis the departure grows at the speed; across it, as the inverse of the right Jacobian says

@@ -14,7 +14,8 @@ from icmj import Simulation, load_run, read_log, run_case
 from icmj.case.case import revise
 from icmj.case.plants import linear_plant
 from icmj.controller import Channel
-from icmj.cycle.curve import ReturnMaps, parameter
+from icmj.cycle.family import ReturnMaps
+from icmj.cycle.parameter import parameter
 from icmj.errors import CycleError, IcmjError, RunFileError
 from icmj.experiments import attractors, measure_growth, measure_law, rounds
 from icmj.runfile.schema import RunFile, overridden

@@ -12,7 +12,7 @@ from icmj import write_log
 from icmj.cli.arguments import COMMANDS, RESULTS, Given
 from icmj.errors import LogError
 from icmj.log.branch import ENTITY
-from icmj.log.reader import find_log, find_logs
+from icmj.log.selection import find_log, find_logs
 
 TAKE_LOGS = {"report": [], "replay": ["--web"], "export": [], "measure": [], "identify": []}
 

@@ -20,8 +20,9 @@ from theory_cases import pendulum_design as paper_design
 
 from icmj import ClockTrigger, Continuous, EventTrigger, Settings, error_system, output_weight, predict
 from icmj.controller.controller import Controller, continuous_limit, layout_of, realise, start_state
-from icmj.controller.delay import Delay, predictor
+from icmj.controller.delay import Delay
 from icmj.controller.hold import system_matched, zero_order
+from icmj.controller.model_prediction import predictor
 from icmj.engine.run import simulate as simulate_engine
 from icmj.errors import AnalysisError, SimulationError
 from icmj.linear.run import simulate as simulate_linear

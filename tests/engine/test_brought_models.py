@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from model_cases import BIASED, MOTOR, MUSCLE, SERVO, pendulum, two, written
 
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.linearisation import step_of
 from icmj.engine.plant import MujocoPlant, load_plant
-from icmj.engine.safety import isolate_engine
 from icmj.plant.body import OperatingRule, Selection
 
 JOINTS, BALANCE = Selection(outputs="joints"), OperatingRule("balance")

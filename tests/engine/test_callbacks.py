@@ -17,12 +17,14 @@ from engine_cases import MODELS, plant
 from patience import PATIENCE
 
 from icmj import Person, Step, find_cycle, load_plant, load_run, prepare, simulate
+from icmj.engine.dynamics import Dynamics
 from icmj.engine.inventory import inventory
+from icmj.engine.isolation import isolate_engine
+from icmj.engine.library import library
 from icmj.engine.native.field import callbacks
+from icmj.engine.planar_chain import chain_of
 from icmj.engine.plant import shape_to_person
-from icmj.engine.pose import Dynamics, chain_of
 from icmj.engine.reaction import ground_force, reaction
-from icmj.engine.safety import isolate_engine, library
 from icmj.plant import Activation, OperatingRule, Selection
 
 RUNS = MODELS.parent / "runs"

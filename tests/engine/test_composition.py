@@ -20,11 +20,11 @@ from icmj.engine.closed_loop import close_loop
 from icmj.engine.composition import NAME, compose
 from icmj.engine.deviation import Deviation
 from icmj.engine.flow import follow
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import LEAST_ROOM
 from icmj.engine.native.field import callbacks
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
-from icmj.engine.safety import isolate_engine
 from icmj.errors import ModelError
 from icmj.plant.body import OperatingRule
 from icmj.plant.linear_plant import LinearPlant, transformation

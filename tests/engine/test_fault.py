@@ -15,9 +15,11 @@ from patience import PATIENCE
 from terminal_cases import told
 
 from icmj import Continuous, Deviation, Settings, load_plant
-from icmj.engine import safety
+from icmj.engine import rehearsal
+from icmj.engine.faults import EngineFault, guard
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.run import simulate
-from icmj.engine.safety import EngineFault, examine, guard, isolate_engine
+from icmj.engine.safety import examine
 from icmj.errors import ModelError
 
 PENDULUM = (MODELS / "pendulum.xml").read_text(encoding="utf-8")
@@ -95,7 +97,7 @@ def test_mujoco_says_nothing_where_it_is_run(
 def test_what_asks_for_too_much_is_refused_in_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str, words: str
 ) -> None:
-    monkeypatch.setattr(safety, "SECONDS", 3)  # of processor time, so that the test ends sooner
+    monkeypatch.setattr(rehearsal, "SECONDS", 3)  # of processor time, so that the test ends sooner
     os.mkfifo(tmp_path / "pipe")
     begin = time.monotonic()
     with pytest.raises(ModelError, match=words) as caught:

@@ -8,9 +8,10 @@ import pytest
 from model_cases import HOOKED, written
 
 from icmj import load_plant, parse_run, prepare, simulate
+from icmj.engine.dynamics import Dynamics
 from icmj.engine.model import operating_point
 from icmj.engine.operating_point import equilibria
-from icmj.engine.pose import Dynamics, scene
+from icmj.engine.pose import scene
 from icmj.plant.body import OperatingRule
 
 RUN = """

@@ -14,11 +14,11 @@ from engine_runs import CHOSEN, FIXED, OTHERS, RUNS
 from patience import PATIENCE
 
 from icmj.engine import block
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.native import memory as structs
 from icmj.engine.native.field import callbacks
 from icmj.engine.native.memory import entry
 from icmj.engine.run import simulate
-from icmj.engine.safety import isolate_engine
 from icmj.errors import ModelError
 from icmj.simulation.settings import Settings
 

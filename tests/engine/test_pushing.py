@@ -19,12 +19,13 @@ from icmj.cycle.return_map import ReturnMap, course, derivative, jacobian
 from icmj.engine.block import block_of
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.deviation import Deviation
-from icmj.engine.forces import effects, forces, places
+from icmj.engine.forces import effects, forces
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.native.field import callbacks
 from icmj.engine.plant import load_plant
+from icmj.engine.push_table import places
 from icmj.engine.reaction import centre_of_pressure
 from icmj.engine.run import simulate
-from icmj.engine.safety import isolate_engine
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.plant.linear_plant import Push

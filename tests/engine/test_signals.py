@@ -7,8 +7,8 @@ from engine_cases import controller, plant
 
 from icmj.engine.block import Block, Slot, block_of
 from icmj.engine.closed_loop import close_loop
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.native.field import callbacks
-from icmj.engine.safety import isolate_engine
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
 from icmj.simulation.settings import Bias, Noise, Settings, Source, Step
 

@@ -15,10 +15,10 @@ from scipy.integrate import solve_ivp
 from icmj import Controller, EventTrigger, LinearPlant, MujocoPlant, Settings, design_lq, load_plant, system_matched
 from icmj.engine.block import Slot, block_of
 from icmj.engine.closed_loop import close_loop
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.native.field import callbacks, flow
 from icmj.engine.native.state import PROGRESS, engine_of
 from icmj.engine.native.steps import save, step, undo
-from icmj.engine.safety import isolate_engine
 from icmj.engine.stages import Stages, may_constrain, stages_of
 
 

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 import icmj
 from icmj import IcmjError, LinearPlant, load_run, parse_run, prepare, simulate
 from icmj.controller.setpoint import ternary
-from icmj.engine.forces import on_bodies
+from icmj.engine.moving_ground import on_bodies
 from icmj.plant.linear_plant import Push
 from icmj.simulation.ternary import ternary_lines
 

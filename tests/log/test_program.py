@@ -10,7 +10,7 @@ from patience import PATIENCE
 
 from icmj import read_log, write_log
 from icmj.errors import LogError
-from icmj.log import reader
+from icmj.log import program, reader
 
 resource = pytest.importorskip("resource")
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems take no such limits")
@@ -44,9 +44,9 @@ def test_a_program_that_does_not_end_well_says_why(script, reason, instead, tmp_
     (tmp_path / "log.rrd").write_bytes(b"x")
     write(instead, script)
     begin = time.monotonic()
-    assert reader.verify(tmp_path / "log.rrd").startswith(reason)
+    assert program.verify(tmp_path / "log.rrd").startswith(reason)
     with pytest.raises(LogError, match="nothing can be saved"):
-        reader.salvage(tmp_path / "log.rrd", tmp_path / "copy.rrd")
+        program.salvage(tmp_path / "log.rrd", tmp_path / "copy.rrd")
     assert time.monotonic() - begin < PATIENCE  # a limit on a hang, not a measure of speed
 
 
@@ -54,9 +54,9 @@ def test_one_that_waits_is_ended(instead: Path, tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(reader, "LONGEST", 0.5)
     (tmp_path / "log.rrd").write_bytes(b"x")
     write(instead, "import time; time.sleep(60)")
-    assert reader.verify(tmp_path / "log.rrd") == "reading it took more than 0.5 s"
+    assert program.verify(tmp_path / "log.rrd") == "reading it took more than 0.5 s"
     with pytest.raises(LogError, match="nothing can be saved"):
-        reader.salvage(tmp_path / "log.rrd", tmp_path / "copy.rrd")
+        program.salvage(tmp_path / "log.rrd", tmp_path / "copy.rrd")
 
 
 def test_limits_grow_with_the_file_and_are_not_ours(instead: Path, tmp_path: Path) -> None:
@@ -65,16 +65,16 @@ def test_limits_grow_with_the_file_and_are_not_ours(instead: Path, tmp_path: Pat
     for size in (0, 1 << 30):
         with log.open("wb") as file:
             file.truncate(size)
-        assert reader.verify(log) == str((2 << 30) + 8 * size)
+        assert program.verify(log) == str((2 << 30) + 8 * size)
     assert resource.getrlimit(resource.RLIMIT_DATA) == before
 
 
 def test_whole_logs_stay_far_from_the_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A thirtieth of the memory that is allowed does as well."""
     write_log(made_up(duration=60.0)[0], tmp_path / "log.rrd")
-    monkeypatch.setattr(reader, "MEMORY", reader.MEMORY // 32)
-    assert reader.verify(tmp_path / "log.rrd") == ""
-    assert "salvaged" in reader.salvage(tmp_path / "log.rrd", tmp_path / "copy.rrd")
+    monkeypatch.setattr(reader, "MEMORY", program.MEMORY // 32)
+    assert program.verify(tmp_path / "log.rrd") == ""
+    assert "salvaged" in program.salvage(tmp_path / "log.rrd", tmp_path / "copy.rrd")
     assert len(read_log(tmp_path / "copy.rrd").simulation.t) > 1000
 
 

@@ -12,8 +12,8 @@ from patience import PATIENCE
 
 from icmj.case.comparison import compare, to_json
 from icmj.errors import LogError
-from icmj.log import reader
-from icmj.log.reader import program, read_log, read_summary
+from icmj.log import program, reader
+from icmj.log.reader import read_log, read_summary
 from icmj.log.writer import write_log
 
 
@@ -157,7 +157,7 @@ def test_a_log_that_is_replaced_while_it_is_read_is_read_again(log, tmp_path, mo
     path, other = tmp_path / "log.rrd", tmp_path / "other.rrd"
     for copy in (path, other):
         copy.write_bytes(log.read_bytes())
-    calls, real = [], reader.verify
+    calls, real = [], program.verify
 
     def replaced(there):
         calls.append(there)
@@ -177,7 +177,7 @@ def test_a_part_of_a_log_is_refused_and_a_compacted_one_is_whole(log, tmp_path):
     """Its archive is whole, so that half a run was measured as all of it."""
 
     def rrd(*words):
-        subprocess.run([program(), "rrd", *map(str, words)], check=True, capture_output=True)
+        subprocess.run([program.program(), "rrd", *map(str, words)], check=True, capture_output=True)
 
     rows = len(read_log(log).simulation.t)
     (tmp_path / "parts").mkdir()

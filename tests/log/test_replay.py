@@ -22,7 +22,7 @@ from patience import PATIENCE
 from icmj import Settings, write_log
 from icmj.engine.run import simulate
 from icmj.errors import LogError
-from icmj.log.reader import _await_port, _base, _free_port, _reason, _running, replay
+from icmj.log.replay import _await_port, _base, _free_port, _reason, _running, replay
 
 SIZE = (1280, 800)
 
@@ -174,7 +174,7 @@ def test_whatever_the_viewer_says_of_a_missing_renderer_it_is_named(words: str) 
     assert "mesa-vulkan-drivers libvulkan1" in _reason(messages)
 
 
-SERVE = "import sys; from icmj.log.reader import replay; replay(sys.argv[1], web=True)"
+SERVE = "import sys; from icmj.log.replay import replay; replay(sys.argv[1], web=True)"
 
 
 def test_the_web_page_is_on_the_loopback_address_only_and_ends_with_us(logs: dict[str, Path]) -> None:

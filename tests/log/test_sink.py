@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from icmj.log.figure import in_memory
+from icmj.log.target import in_memory
 
 linux = pytest.mark.skipif(not hasattr(os, "memfd_create"), reason="no files in memory here")
 
@@ -38,6 +38,6 @@ def test_a_full_disk_is_an_error_at_once() -> None:
 
 
 def test_without_files_in_memory_it_is_the_file_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("icmj.log.figure._OPEN", tmp_path / "nowhere")
+    monkeypatch.setattr("icmj.log.target._OPEN", tmp_path / "nowhere")
     with in_memory(tmp_path / "a") as sink:
         assert sink == tmp_path / "a"

@@ -10,8 +10,8 @@ from scipy.optimize import minimize_scalar
 
 from icmj import Controller, EventTrigger, MujocoPlant
 from icmj.engine.closed_loop import ComposedLoop
+from icmj.engine.isolation import isolate_engine
 from icmj.engine.native.field import callbacks
-from icmj.engine.safety import isolate_engine
 
 
 class Flight(NamedTuple):

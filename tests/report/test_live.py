@@ -12,7 +12,7 @@ from report_browser import CHROMIUM, chromium
 
 import icmj
 from icmj.cli.main import main
-from icmj.engine.pose import chain_of
+from icmj.engine.planar_chain import chain_of
 from icmj.errors import ReportError
 from icmj.report import live
 from icmj.report.player import join_scripts, script

@@ -9,7 +9,7 @@ import pytest
 import icmj
 from icmj.errors import DataError, FitError, LogError
 from icmj.fitting import read_trials
-from icmj.log.reader import program
+from icmj.log.program import program
 from icmj.series.plausibility import doubt
 from icmj.series.series import Series
 

@@ -6,7 +6,7 @@ from theory_cases import SHIPPED, neglected, pendulum_design, shipped
 
 from icmj import EventTrigger, output_weight, zero_order
 from icmj.errors import AnalysisError
-from icmj.theory.circle import Crossing
+from icmj.theory.crossing import Crossing
 from icmj.theory.error_system import error_system, locus
 from icmj.theory.prediction import ILL_CONDITIONED, critical_crossing, eigenstructure, predict
 

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from icmj.engine import block, forces, signals
+from icmj.engine import block, push_table, signals
 from icmj.engine import model as actuators
 from icmj.engine.block import Slot
 from icmj.engine.native.memory import (
@@ -162,7 +162,7 @@ _apply = engine_function("mj_applyFT", "void(intp, intp, intp, intp, intp, int32
 _global = engine_function("mj_local2Global", "void(intp, intp, intp, intp, intp, int32, uint8)")
 
 # constants that compiled code freezes
-_FREEDOM, _ACTUATOR, _WIDTH, _PUSH = forces.FREEDOM, forces.ACTUATOR, forces.WIDTH, signals.SIGNAL
+_FREEDOM, _ACTUATOR, _WIDTH, _PUSH = push_table.FREEDOM, push_table.ACTUATOR, push_table.WIDTH, signals.SIGNAL
 
 
 @allocating

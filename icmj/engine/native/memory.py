@@ -29,7 +29,7 @@ import numpy as np
 from icmj.base.compilation import allocating, call, compiled, contents, entry, exact, inlined, merged, viewing
 from icmj.base.compilation import c_entry as entry_cfunc
 from icmj.base.process import INTERPRETED, SWITCH
-from icmj.engine.safety import guard
+from icmj.engine.faults import guard
 from icmj.errors import ModelError
 
 MODEL_AND_DATA = "void(intp, intp)"

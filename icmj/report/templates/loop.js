@@ -30,7 +30,7 @@ const product = (rows, values, out, from = 0, first = 0) => { // out = rows · v
   }
 };
 
-// Links in a vertical plane, each a hinge or a slide (icmj/engine/pose.py): where they are, and how they accelerate.
+// Links in a vertical plane, each a hinge or a slide (icmj/engine/planar_chain.py): where they are, and how they accelerate.
 export class Chain {
   constructor(links) {
     Object.assign(this, links);
