@@ -10,7 +10,7 @@ from patience import PATIENCE
 
 from icmj import read_log, write_log
 from icmj.errors import LogError
-from icmj.log import program, reader
+from icmj.log import program
 
 resource = pytest.importorskip("resource")
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems take no such limits")
@@ -22,7 +22,7 @@ NOT_WHOLE = "reading it takes more time or memory than a whole one"
 def instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """What is run in place of rerun's program; a Python script."""
     path = tmp_path / "instead"
-    monkeypatch.setattr(reader, "program", lambda: path)
+    monkeypatch.setattr(program, "program", lambda: path)
     return path
 
 
@@ -40,7 +40,7 @@ def write(path: Path, script: str) -> None:
     pytest.param("import sys; print('0 files verified.', file=sys.stderr)", NOT_WHOLE[:36], id="reads none"),
 ])  # fmt: skip
 def test_a_program_that_does_not_end_well_says_why(script, reason, instead, tmp_path, monkeypatch):
-    monkeypatch.setattr(reader, "SECONDS", 1)
+    monkeypatch.setattr(program, "SECONDS", 1)
     (tmp_path / "log.rrd").write_bytes(b"x")
     write(instead, script)
     begin = time.monotonic()
@@ -51,7 +51,7 @@ def test_a_program_that_does_not_end_well_says_why(script, reason, instead, tmp_
 
 
 def test_one_that_waits_is_ended(instead: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reader, "LONGEST", 0.5)
+    monkeypatch.setattr(program, "LONGEST", 0.5)
     (tmp_path / "log.rrd").write_bytes(b"x")
     write(instead, "import time; time.sleep(60)")
     assert program.verify(tmp_path / "log.rrd") == "reading it took more than 0.5 s"
@@ -72,7 +72,7 @@ def test_limits_grow_with_the_file_and_are_not_ours(instead: Path, tmp_path: Pat
 def test_whole_logs_stay_far_from_the_limits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A thirtieth of the memory that is allowed does as well."""
     write_log(made_up(duration=60.0)[0], tmp_path / "log.rrd")
-    monkeypatch.setattr(reader, "MEMORY", program.MEMORY // 32)
+    monkeypatch.setattr(program, "MEMORY", program.MEMORY // 32)
     assert program.verify(tmp_path / "log.rrd") == ""
     assert "salvaged" in program.salvage(tmp_path / "log.rrd", tmp_path / "copy.rrd")
     assert len(read_log(tmp_path / "copy.rrd").simulation.t) > 1000
@@ -80,6 +80,6 @@ def test_whole_logs_stay_far_from_the_limits(tmp_path: Path, monkeypatch: pytest
 
 def test_too_little_memory_is_a_refusal_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_log(made_up(duration=3.0)[0], tmp_path / "log.rrd")
-    monkeypatch.setattr(reader, "MEMORY", 1 << 20)
+    monkeypatch.setattr(program, "MEMORY", 1 << 20)
     with pytest.raises(LogError, match=r"log\.rrd: not a complete rerun recording"):
         read_log(tmp_path / "log.rrd")
