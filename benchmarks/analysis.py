@@ -16,8 +16,11 @@ from icmj import EventTrigger, LinearPlant, design_lq, output_weight
 from icmj.engine.linearisation import linearise
 from icmj.engine.model import load_spec
 from icmj.theory.crossings import search
-from icmj.theory.error_system import ErrorSystem, error_system, flow, locus
-from icmj.theory.orbit import jacobian, multipliers, orbit
+from icmj.theory.error_system import ErrorSystem, error_system
+from icmj.theory.event_maps import jacobian, multipliers
+from icmj.theory.flow import flow
+from icmj.theory.locus import locus
+from icmj.theory.orbit import orbit
 from icmj.theory.prediction import critical_crossing, predict
 
 MODELS = Path(__file__).resolve().parent.parent / "models"

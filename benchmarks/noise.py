@@ -13,7 +13,8 @@ from benchmarks.row import Row, interleaved, median
 from icmj import Case, load_run, prepare, simulate_many
 from icmj.linear.simulator import Simulator
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
-from icmj.simulation.settings import Gaussian, start_states
+from icmj.simulation.sources import Gaussian
+from icmj.simulation.start import start_states
 
 RUN = Path(__file__).resolve().parent.parent / "benchmarks" / "standing.toml"
 GROUP = "noise"

@@ -313,7 +313,9 @@ def viewer(make: Callable[[Path], Path], time: float, inputs: tuple[str, ...]) -
         crop(to, above=36)  # the viewer's menu
         shrink(to)
 
-    return Picture(draw, (*inputs, "icmj/log/blueprint.py", "icmj/log/palette.py", "icmj/log/figure.py"))
+    return Picture(
+        draw, (*inputs, *(f"icmj/log/{name}.py" for name in ("blueprint", "palette", "phase_plane", "figure")))
+    )
 
 
 def _log(work: Path) -> Path:

@@ -84,7 +84,7 @@ from icmj.controller.setpoint import polygon
 from icmj.runfile.place import PlaceTable
 from icmj.runfile.table import keys_of
 from icmj.runfile.target import TargetTable
-from icmj.simulation.settings import Sampled, Source
+from icmj.simulation.sources import Sampled, Source
 
 
 @keys_of(Sampled, without=("values", "start"))
@@ -303,8 +303,9 @@ from typing import Any, Literal
 import numpy as np
 
 from icmj.base.array import Finite
-from icmj.controller.controller import Law
-from icmj.controller.realisation import Layout, Mode, Realisation
+from icmj.controller.law import Law
+from icmj.controller.layout import Layout
+from icmj.controller.realisation import Mode, Realisation
 from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.control_tables import ControllerTable, Parts
 from icmj.runfile.table import keys_of, make

@@ -5,7 +5,8 @@ import numpy as np
 from icmj import Controller, Delay, Gaussian, LinearPlant, Series, Settings, design_lq, system_matched
 from icmj.controller.design import output_weight
 from icmj.controller.rules.quadratic import EventTrigger
-from icmj.controller.setpoint import StepPairs, setpoint
+from icmj.controller.setpoint import setpoint
+from icmj.controller.step_pairs import StepPairs
 from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.linear.run import simulate
 

@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import double_step_cases as cases
 import numpy as np
 
-from icmj.controller.setpoint import double_steps
+from icmj.controller.step_pairs import double_steps
 from icmj.experiments.reconstruction import reconstruct_steps
 from icmj.experiments.refractoriness import explain_reactions, refractoriness
 

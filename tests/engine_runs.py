@@ -16,10 +16,11 @@ from model_cases import CROWDED, HOOKED, MUSCLE, RICH, SERVO, pendulum, written
 from tapped_cases import SWITCHING, person
 
 import icmj
-from icmj.controller.controller import Controller, Law
+from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched
+from icmj.controller.law import Law
 from icmj.controller.rules.box import BoxTrigger
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
@@ -30,8 +31,9 @@ from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.run import simulate
 from icmj.plant.activation import Activation
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
+from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
+from icmj.simulation.sources import Bias, Impulse, Noise, Step
 
 Recorded = dict[str, np.ndarray]
 ROWS = ("t", "x", "y", "u", "x_o", "x_h")

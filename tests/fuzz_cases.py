@@ -442,15 +442,15 @@ def _use(result: Any, rng: random.Random) -> None:
     """What readers do with a log that was believed."""
     from icmj.case.comparison import compare, to_json
     from icmj.errors import IcmjError
-    from icmj.log import writer
+    from icmj.log import groups, summary
     from icmj.report.builder import build_report
 
     with np.errstate(all="ignore"):
         compared = compare(result)
         json.dumps(to_json(compared), allow_nan=False)
-        writer.markdown(result, compared)
-        writer.summarise(result, compared)
-        list(writer.groups(result))
+        summary.markdown(result, compared)
+        summary.summarise(result, compared)
+        list(groups.groups(result))
         if rng.random() < 0.02:
             with tempfile.TemporaryDirectory() as folder, contextlib.suppress(IcmjError):
                 build_report([result], Path(folder) / "report.html")

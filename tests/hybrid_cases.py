@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 import icmj
-from icmj.controller.realisation import Layout, Mode, Realisation
+from icmj.controller.layout import Layout
+from icmj.controller.realisation import Mode, Realisation
 from icmj.plant.linear_plant import LinearPlant
 
 FOLDER = Path(__file__).parents[1] / "examples" / "hybrid"

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from icmj import Law, LinearPlant, SwitchingPD
-from icmj.controller.realisation import Guard, Layout, Mode, Realisation
+from icmj.controller.layout import Layout
+from icmj.controller.realisation import Guard, Mode, Realisation
 
 M, H, G, DELAY = 60.0, 1.0, 9.81, 0.2
 MGH, INERTIA, DAMPING = M * G * H, M * H * H, 4.0

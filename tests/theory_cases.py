@@ -13,7 +13,7 @@ from icmj.controller.hold import system_matched
 from icmj.errors import DesignError
 from icmj.linear.run import simulate
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.orbit import jacobian
+from icmj.theory.event_maps import jacobian
 
 Level = Callable[[np.ndarray], complex]
 

@@ -1,10 +1,9 @@
-"""Use of numba's internals: compiled functions that only compiled code calls, and compiled code loaded from the disk.
-
-The first are kept as intermediate code. numba is imported here first, without the settings of a working folder.
+"""numba's internals, used to link compiled functions as intermediate code and to load compiled code from the disk.
 
 numba optimises every function when it is defined, makes machine code of it, and does both again in each function that
 calls it. Here the first is left out: what is linked into an entry point is optimised there, once, with everything else.
-A third of the time to compile goes with it, and what comes out is no slower.
+A third of the time to compile goes with it, and what comes out is no slower. numba is imported here first, without the
+settings of a working folder.
 
 This is one of two modules that use what a library does not promise to keep (the other is
 :mod:`icmj.engine.native.memory`): without it the first run on a machine compiles for twice as long. numba's version is

@@ -25,7 +25,8 @@ from icmj.case.iosystem import AnyPlant
 from icmj.case.noise import refuse_beyond_theory, small_noise
 from icmj.case.notices import doubt_setpoint, doubts, reach, slow_noise
 from icmj.case.plants import actual_plant, assumed_plant, linear_plant
-from icmj.controller.controller import Controller, Law, has_trigger
+from icmj.controller.controller import Controller, has_trigger
+from icmj.controller.law import Law
 from icmj.controller.setpoint import Setpoint
 from icmj.controller.trigger import EventRule, Trigger
 from icmj.engine.plant import MujocoPlant
@@ -39,8 +40,9 @@ from icmj.simulation.disturbance import expect_held
 from icmj.simulation.open_loop import OpenLoop
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
-from icmj.theory.delay_roots import loops_of, rightmost_roots
+from icmj.theory.delay_roots import rightmost_roots
 from icmj.theory.error_system import ErrorSystem, error_system
+from icmj.theory.mode_loops import loops_of
 from icmj.theory.prediction import Prediction, predict, scaled
 from icmj.theory.spread import Spread, predict_spread
 

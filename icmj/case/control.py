@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Law
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design, design_lq
+from icmj.controller.law import Law
 from icmj.controller.setpoint import Setpoint, setpoint
 from icmj.errors import DesignError
 from icmj.plant.linear_plant import LinearPlant

@@ -13,7 +13,8 @@ from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.schema import RunFile
 from icmj.simulation.disturbance import LOW_PASS_END, acting_on
-from icmj.simulation.settings import Gaussian, Impulse, Noise, Settings, Source
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Gaussian, Impulse, Noise, Source
 from icmj.theory.error_system import error_system
 from icmj.theory.orbit import Orbit
 from icmj.theory.spread import SmallNoise, Spread, predict_spread

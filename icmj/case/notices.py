@@ -14,7 +14,8 @@ from icmj.engine.plant import MujocoPlant
 from icmj.plant.quality import Notice
 from icmj.runfile.schema import RunFile
 from icmj.simulation.disturbance import expected, realised
-from icmj.simulation.settings import Noise, Settings
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Noise
 from icmj.theory.prediction import Prediction
 
 SLOW = 0.25  # of the size of a noise: what a run may fall short of it without a word

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.case.result import Result
-from icmj.controller.controller import Law
+from icmj.controller.law import Law
 from icmj.plant.linear_plant import LinearPlant
 
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, TypeGuard
 from icmj.base import VERSION
 from icmj.base.array import Array
 from icmj.base.card import Card, WithCard
-from icmj.controller.controller import Controller, Law, has_trigger
+from icmj.controller.controller import Controller, has_trigger
+from icmj.controller.law import Law
 from icmj.measurement.measurement import Measurement, measure
 from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant

@@ -439,7 +439,8 @@ def show_branch(command: ContinueCommand, run: RunFile) -> None:
         CycleError: if there is none, or what was asked for is not the linear plant's, or not the controller's.
     """
     from icmj.case.case import prepare
-    from icmj.cycle.switched import follow_switched, has_exact_cycle, vary
+    from icmj.cycle.switched import has_exact_cycle
+    from icmj.cycle.switched_branch import follow_switched, vary
     from icmj.errors import CycleError
 
     name = command.parameter.removeprefix("controller.")
@@ -479,7 +480,7 @@ def _loop(case: Case) -> tuple[LinearPlant, SwitchingPD, Array | None]:
     """The actual plant with the controller's inputs and outputs, the controller, and where the run starts."""
     from icmj.case.plants import linear_plant
     from icmj.plant.linear_plant import match_ports
-    from icmj.simulation.settings import plant_start
+    from icmj.simulation.start import plant_start
 
     law = case.controller
     plant = match_ports(linear_plant(case.actual, case.settings), law.plant, "position")

@@ -20,8 +20,9 @@ from typing import Any, Literal
 import numpy as np
 
 from icmj.base.array import Finite, Positive
-from icmj.controller.controller import Law
-from icmj.controller.realisation import Layout, Mode, Realisation
+from icmj.controller.law import Law
+from icmj.controller.layout import Layout
+from icmj.controller.realisation import Mode, Realisation
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, expect_linear
 

@@ -25,11 +25,12 @@ from typing import Any, Literal
 import numpy as np
 
 from icmj.base.array import RELATIVE_ROUNDING, Array
-from icmj.controller.controller import Law
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design
+from icmj.controller.law import Law
+from icmj.controller.layout import Layout
 from icmj.controller.model_prediction import GROWTH
-from icmj.controller.realisation import Layout, Mode, Realisation
+from icmj.controller.realisation import Mode, Realisation
 from icmj.controller.setpoint import Setpoint
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant

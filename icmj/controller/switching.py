@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Finite, NonNegative
-from icmj.controller.controller import Law
-from icmj.controller.realisation import Guard, Layout, Mode, Realisation
+from icmj.controller.law import Law
+from icmj.controller.layout import Layout
+from icmj.controller.realisation import Guard, Mode, Realisation
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, expect_linear
 

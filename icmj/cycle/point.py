@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from icmj.base.array import Array, falling
 from icmj.cycle.curve import Correction, Curve
 from icmj.cycle.cycle import extent
-from icmj.cycle.return_map import ReturnMap, courses_of, fast_jacobian
+from icmj.cycle.jacobian import courses_of, fast_jacobian
+from icmj.cycle.return_map import ReturnMap
 from icmj.simulation.course import Sample
 
 NODES = 97  # at which an interval is kept

@@ -39,7 +39,7 @@ from icmj.engine.signals import (
     weights_of,
 )
 from icmj.simulation.disturbance import Disturbance
-from icmj.simulation.settings import Gridded
+from icmj.simulation.sources import Gridded
 
 GROUP = 16  # cells whose phases follow from each other
 

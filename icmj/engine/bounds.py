@@ -13,14 +13,9 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.engine.activations import activation_rates
 from icmj.engine.isolation import isolate_engine
-from icmj.engine.model import (
-    OperatingPoint,
-    activation_rates,
-    data_at,
-    input_names,
-    solve_fully,
-)
+from icmj.engine.model import OperatingPoint, data_at, input_names, solve_fully
 from icmj.plant.quality import Excess, Kind
 
 _SAME = 1e-6  # of the size of an answer: a change that no limit makes

@@ -11,22 +11,24 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, Law, has_trigger
+from icmj.controller.controller import Controller, has_trigger
+from icmj.controller.law import Law
 from icmj.engine.block import Block, block_of, numbers_of
 from icmj.engine.buffers import States
 from icmj.engine.composition import compose, embed, goes_by_steps, repack
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import data_at, depart, state_names
-from icmj.engine.operating_point import state_units
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.schedule import Schedule, fastest_rate, phases_of
 from icmj.engine.stages import is_flow, may_constrain
+from icmj.engine.units import state_units
 from icmj.simulation import ending
 from icmj.simulation.disturbance import Acting, Disturbance, Pushes, acting_on
 from icmj.simulation.ending import Outcome
+from icmj.simulation.grid import points_between
 from icmj.simulation.native.loop import Status
 from icmj.simulation.rows import edges_of
-from icmj.simulation.settings import Settings, points_between
+from icmj.simulation.settings import Settings
 from icmj.simulation.taps import least_of
 
 

@@ -23,8 +23,10 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Law, has_trigger
-from icmj.controller.realisation import Layout, Mode, Realisation
+from icmj.controller.controller import has_trigger
+from icmj.controller.law import Law
+from icmj.controller.layout import Layout
+from icmj.controller.realisation import Mode, Realisation
 from icmj.engine.block import numbers_of, pack
 from icmj.engine.model import model_name
 from icmj.engine.moving_ground import spread

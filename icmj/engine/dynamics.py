@@ -13,8 +13,8 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.controller.controller import Controller
+from icmj.engine.activations import activation_rates, clamp
 from icmj.engine.isolation import isolate_engine
-from icmj.engine.model import activation_rates, clamp
 from icmj.engine.plant import MujocoPlant, place
 from icmj.simulation.labels import loop_signals, plain_names
 

@@ -12,8 +12,8 @@ from icmj.engine.model import (
     load_model,
     output_names,
 )
-from icmj.engine.operating_point import input_units, output_units
 from icmj.engine.safety import check_names, check_sizes, sound
+from icmj.engine.units import input_units, output_units
 
 _UNITS = {mujoco.mjtJoint.mjJNT_HINGE: "rad", mujoco.mjtJoint.mjJNT_SLIDE: "m"}
 

@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.engine.activations import activation_rates, free_activation_rates
 from icmj.engine.isolation import isolate_engine
-from icmj.engine.model import activation_rates, free_activation_rates
 from icmj.engine.plant import MujocoPlant
 from icmj.simulation.disturbance import Disturbance
 

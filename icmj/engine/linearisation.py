@@ -8,24 +8,23 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.engine.activations import activation_rates, is_second_order_lag
 from icmj.engine.forces import effects
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import (
     OperatingPoint,
-    activation_rates,
     data_at,
     depart,
     input_names,
-    is_second_order_lag,
     model_name,
     operating_point,
     output_names,
     solve_fully,
     state_names,
 )
-from icmj.engine.operating_point import input_units, output_units, state_units
 from icmj.engine.ports import Ports, ports_of, still
 from icmj.engine.push_table import push_rows
+from icmj.engine.units import input_units, output_units, state_units
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.quality import IDLE

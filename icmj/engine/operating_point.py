@@ -1,10 +1,4 @@
-"""The operating point of a model: units of its coordinates, the pose, and the equilibrium near it.
-
-Units of a model's states, inputs and outputs, from its joints, actuators and sensors; "" where it tells none.
-
-The rule for the operating point applied to a model: the pose, its free joints, and the support of a body.
-
-The equilibrium near a pose: controls, and positions of the free joints, with zero accelerations.
+"""The equilibrium near a pose: controls, and positions of the free joints, with zero accelerations.
 
 At rest the force that each degree of freedom needs, by inverse dynamics, is what the actuators give, and activations
 stand still. Newton's method solves these equations for control, activation and free joints; where they leave a choice,
@@ -15,7 +9,6 @@ range of each or, without one, as torque beside the weight. A body on a floor is
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -23,239 +16,14 @@ import numpy as np
 
 from icmj.base.array import Array, leading
 from icmj.base.blas_threads import limit_to_one_thread
+from icmj.engine.activations import free_activation_rates
 from icmj.engine.isolation import isolate_engine
-from icmj.engine.model import (
-    OperatingPoint,
-    data_at,
-    free_activation_rates,
-    input_names,
-    is_second_order_lag,
-    model_name,
-    state_names,
-)
+from icmj.engine.joint_room import Room, starts
+from icmj.engine.model import OperatingPoint, data_at, input_names, model_name, state_names
+from icmj.engine.pose_rule import apply_pose, soften, vertical, ways
+from icmj.engine.units import state_units
 from icmj.errors import ModelError
 from icmj.plant.body import OperatingRule
-from icmj.plant.quality import Notice
-
-_JOINT = {mujoco.mjtJoint.mjJNT_HINGE: ("rad",), mujoco.mjtJoint.mjJNT_SLIDE: ("m",),
-          mujoco.mjtJoint.mjJNT_BALL: ("rad",) * 3, mujoco.mjtJoint.mjJNT_FREE: ("m",) * 3 + ("rad",) * 3}  # fmt: skip
-_SENSOR = {
-    "FRAMEPOS": "m", "SUBTREECOM": "m", "RANGEFINDER": "m", "GEOMDIST": "m", "FRAMELINVEL": "m/s",
-    "VELOCIMETER": "m/s", "SUBTREELINVEL": "m/s", "GYRO": "rad/s", "FRAMEANGVEL": "rad/s", "BALLANGVEL": "rad/s",
-    "ACCELEROMETER": "m/s²", "FRAMELINACC": "m/s²", "FRAMEANGACC": "rad/s²", "FORCE": "N", "TOUCH": "N",
-    "TORQUE": "N m", "SUBTREEANGMOM": "kg m²/s", "CLOCK": "s", "E_POTENTIAL": "J", "E_KINETIC": "J",
-}  # fmt: skip
-
-
-def state_units(model: mujoco.MjModel) -> tuple[str, ...]:
-    """One for each state; an activation's is known where it is a lag of the control."""
-    q = [unit for i in range(model.njnt) for unit in _JOINT[mujoco.mjtJoint(model.jnt_type[i])]]
-    return (*q, *(_per_second(unit) for unit in q), *(unit for i in range(model.nu) for unit in _activations(model, i)))
-
-
-def input_units(model: mujoco.MjModel) -> tuple[str, ...]:
-    """One for each actuator: N m or N for a motor (with its factor, where it has one), the servo's own for a servo."""
-    return tuple(_input(model, i) for i in range(model.nu))
-
-
-def output_units(model: mujoco.MjModel) -> tuple[str, ...]:
-    """One for each entry of ``sensordata``."""
-    return tuple(_output(model, i) for i in range(model.nsensor) for _ in range(int(model.sensor_dim[i])))
-
-
-def _activations(model: mujoco.MjModel, i: int) -> tuple[str, ...]:
-    if is_second_order_lag(model, i):
-        return _per_second(_input(model, i)), _input(model, i)
-    if mujoco.mjtDyn(model.actuator_dyntype[i]) in (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT):
-        return (_input(model, i),)
-    return ("",) * int(model.actuator_actnum[i])
-
-
-def _per_second(unit: str) -> str:
-    return f"{unit}/s" if unit else ""
-
-
-def _input(model: mujoco.MjModel, i: int) -> str:
-    kind, joint = mujoco.mjtTrn(model.actuator_trntype[i]), int(model.actuator_trnid[i, 0])
-    moved = ""  # what the actuator's length is measured in
-    if kind in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
-        moved = _JOINT[mujoco.mjtJoint(model.jnt_type[joint])][0]
-    elif kind == mujoco.mjtTrn.mjTRN_TENDON:
-        moved = _tendon(model, joint)
-    if not moved or model.actuator_gaintype[i] != mujoco.mjtGain.mjGAIN_FIXED:
-        return ""
-    factor, dynamics = float(model.actuator_gainprm[i, 0]), model.actuator_dyntype[i]
-    if model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE:
-        position, velocity = -model.actuator_biasprm[i, 1:3]
-        if factor == 0 or dynamics == mujoco.mjtDyn.mjDYN_INTEGRATOR:
-            return ""
-        return moved if position == factor else _per_second(moved) if velocity == factor and position == 0 else ""
-    if model.actuator_biastype[i] != mujoco.mjtBias.mjBIAS_NONE or dynamics == mujoco.mjtDyn.mjDYN_INTEGRATOR:
-        return ""
-    if kind != mujoco.mjtTrn.mjTRN_TENDON:
-        factor *= float(np.abs(model.actuator_gear[i]).max())
-    unit = "N m" if moved == "rad" else "N"
-    return unit if abs(factor) == 1 else f"{abs(factor):g} {unit}"
-
-
-def _output(model: mujoco.MjModel, i: int) -> str:
-    kind, of = mujoco.mjtSensor(model.sensor_type[i]).name.removeprefix("mjSENS_"), int(model.sensor_objid[i])
-    if kind.startswith("JOINT") and kind != "JOINTACTFRC":
-        unit = _JOINT[mujoco.mjtJoint(model.jnt_type[of])][0]
-        return {"JOINTPOS": unit, "JOINTVEL": _per_second(unit), "JOINTLIMITPOS": unit}.get(kind, "")
-    if kind.startswith("TENDON") and kind in ("TENDONPOS", "TENDONVEL"):
-        unit = _tendon(model, of)
-        return unit if kind == "TENDONPOS" else _per_second(unit)
-    return _SENSOR.get(kind, "")
-
-
-def _tendon(model: mujoco.MjModel, i: int) -> str:
-    """m for a spatial tendon; for a fixed one what its joints have in common."""
-    first, count = int(model.tendon_adr[i]), int(model.tendon_num[i])
-    if any(kind != mujoco.mjtWrap.mjWRAP_JOINT for kind in model.wrap_type[first : first + count]):
-        return "m"
-    joints = model.wrap_objid[first : first + count]
-    units = {_JOINT[mujoco.mjtJoint(model.jnt_type[joint])][0] for joint in joints}
-    return units.pop() if len(units) == 1 else ""
-
-
-Room = tuple[Array, Array]  # how far each degree of freedom may go down and up
-_BENDS = (0.1, 0.25)  # of a joint's range
-
-
-@contextmanager
-def soften(model: mujoco.MjModel, factor: float) -> Iterator[None]:
-    """Contacts and joint limits made softer by the square of ``factor``."""
-    times = [array for array in (model.geom_solref, model.jnt_solref, model.pair_solref) if len(array)]
-    widths = [array for array in (model.geom_solimp, model.jnt_solimp, model.pair_solimp) if len(array)]
-    before = [array.copy() for array in (*times, *widths)]
-    for array in times:
-        # a negative entry is a stiffness, else a time constant [s]
-        array[:, 0] *= np.where(array[:, 0] > 0, factor, factor**-2)
-    for array in widths:
-        array[:, 2] *= factor**2
-    try:
-        yield
-    finally:
-        for array, old in zip((*times, *widths), before, strict=True):
-            array[:] = old
-
-
-def apply_pose(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> OperatingPoint:
-    """The given state with the joints of the rule's pose."""
-    qpos = given.qpos.copy()
-    for name, value in rule.pose.items():
-        joint = _joint(model, name, "pose")
-        if model.jnt_type[joint] not in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):
-            raise ModelError(f"model {model_name(model)!r}: pose: {name} is not a hinge or a slide; use a keyframe")
-        qpos[model.jnt_qposadr[joint]] = value
-    return replace(given, qpos=qpos)
-
-
-def _joint(model: mujoco.MjModel, name: str, verb: str) -> int:
-    names = [model.joint(i).name or f"joint{i}" for i in range(model.njnt)]
-    if name not in names:
-        raise ModelError(f"model {model_name(model)!r} has no joint {name!r} to {verb}; it has {', '.join(names)}")
-    return names.index(name)
-
-
-def free(model: mujoco.MjModel, rule: OperatingRule) -> np.ndarray:
-    """Degrees of freedom that may move."""
-    if rule.kind not in ("balance", "found"):
-        return np.zeros(0, dtype=int)
-    chosen = [_joint(model, name, "free") for name in rule.free] or range(model.njnt)
-    return np.array([i for i in range(model.nv) if int(model.dof_jntid[i]) in chosen], dtype=int)
-
-
-def ways(model: mujoco.MjModel, rule: OperatingRule) -> list[np.ndarray]:
-    """Sets of degrees of freedom that may move: first the fewest that can balance a free body, then all.
-
-    It keeps its place and stays upright; only its height is found.
-    """
-    moving = free(model, rule)
-    loose = [i for i in moving if model.jnt_type[model.dof_jntid[i]] == int(mujoco.mjtJoint.mjJNT_FREE)]
-    heights = [i for i in loose if i == model.jnt_dofadr[model.dof_jntid[i]] + 2]
-    upright = np.array([i for i in moving if i not in loose or i in heights], dtype=int)
-    return [upright, moving] if loose and not rule.free and len(upright) > len(heights) else [moving]
-
-
-def starts(
-    model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, moving: np.ndarray
-) -> Iterator[tuple[OperatingPoint, Room]]:
-    """Starting points and ranges of the search for a balance: the given state, then joints bent into their ranges.
-
-    Those of the rule's pose are not.
-    """
-    yield given, room(model, given, rule, 0.0)
-    for share in _BENDS:
-        start = bend(model, given, moving, rule, share)
-        if not np.array_equal(start.qpos, given.qpos):
-            yield start, room(model, start, rule, share / 2)
-
-
-def bend(
-    model: mujoco.MjModel, given: OperatingPoint, moving: np.ndarray, rule: OperatingRule, share: float
-) -> OperatingPoint:
-    """The given state with free joints at least ``share`` of their range away from its ends."""
-    low, high = room(model, given, rule, share)
-    step = np.zeros(model.nv)
-    step[moving] = np.clip(0.0, low, high)[moving]
-    qpos = given.qpos.copy()
-    mujoco.mj_integratePos(model, qpos, step, 1.0)
-    return replace(given, qpos=qpos)
-
-
-def room(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, share: float) -> Room:
-    """The distances that every degree of freedom may go down and up to stay ``share`` of its range from its ends.
-
-    Without a share, and where there is no range, it is not bounded; nor are joints in the rule's pose.
-    """
-    low, high = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
-    for i in find_limited(model) if share else ():
-        joint = int(model.dof_jntid[i])
-        if model.joint(joint).name not in rule.pose:
-            at, (least, most) = given.qpos[model.jnt_qposadr[joint]], model.jnt_range[joint]
-            low[i], high[i] = least + share * (most - least) - at, most - share * (most - least) - at
-    return low, high
-
-
-def find_limited(model: mujoco.MjModel) -> list[int]:
-    """Degrees of freedom of hinges and slides that have a range."""
-    kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-    joints = (int(joint) for joint in model.dof_jntid)
-    return [i for i, j in enumerate(joints) if model.jnt_limited[j] and model.jnt_type[j] in kinds]
-
-
-def vertical(model: mujoco.MjModel, free: np.ndarray) -> int | None:
-    """The degree of freedom that lifts a body off the floor: z of a free joint, or a vertical slide at the root."""
-    for i in free:
-        joint = int(model.dof_jntid[i])
-        body, first = int(model.jnt_bodyid[joint]), int(model.jnt_dofadr[joint])
-        if model.body_parentid[body] != 0:
-            continue
-        kind = model.jnt_type[joint]
-        if kind == mujoco.mjtJoint.mjJNT_FREE and i == first + 2:
-            return int(i)
-        if kind == mujoco.mjtJoint.mjJNT_SLIDE and abs(model.jnt_axis[joint, 2]) > 0.99:
-            return int(i)
-    return None
-
-
-def notice_move(model: mujoco.MjModel, given: OperatingPoint, found: OperatingPoint, why: str) -> Iterator[Notice]:
-    """A notice if the operating point found differs from the given pose: by how much, and why."""
-    gap = np.zeros(model.nv)
-    mujoco.mj_differentiatePos(model, gap, 1.0, given.qpos, found.qpos)
-    units = [unit.removesuffix("/s") for unit in state_units(model)[: model.nv]]
-    far = [i for i in np.argsort(-np.abs(gap)) if abs(gap[i]) > max(1e-9, 1e-3 * np.abs(gap).max())]
-    if not far and np.array_equal(given.ctrl, found.ctrl):
-        return
-    names = state_names(model)
-    steps = [f"{names[i]} {gap[i]:+.3g} {units[i]}".rstrip() for i in far[:4]]
-    more = f" and {len(far) - 4} more" if len(far) > 4 else ""
-    where = f"away from it by {', '.join(steps)}{more}" if far else "with controls that hold it"
-    words = f"the pose {why}; balanced {where}. Name a keyframe, a pose or operating_point to have another"
-    yield Notice("operating point", "warning", words)
-
 
 _EPS = 1e-6  # half the distance of a difference
 _STEPS = 100

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.engine.activations import muscles_of, sizes_without, with_muscles, without_muscles
 from icmj.engine.deviation import Deviation
 from icmj.engine.forces import effects
 from icmj.engine.isolation import isolate_engine
@@ -24,20 +25,18 @@ from icmj.engine.model import (
     input_names,
     load_model,
     load_spec,
-    muscles_of,
     operating_point,
-    sizes_without,
     state_names,
-    with_muscles,
-    without_muscles,
 )
 from icmj.engine.moving_ground import on_bodies
-from icmj.engine.operating_point import equilibria, notice_move, state_units
+from icmj.engine.operating_point import equilibria
 from icmj.engine.ports import ports_of, still
+from icmj.engine.pose_rule import notice_move
 from icmj.engine.push_table import places
 from icmj.engine.quality import assess
 from icmj.engine.safety import check_names, check_plant, check_sizes, sound
 from icmj.engine.sensors import add_sensors
+from icmj.engine.units import state_units
 from icmj.errors import ModelError
 from icmj.plant.activation import Activation, Lag
 from icmj.plant.body import OperatingRule, Selection

@@ -11,6 +11,7 @@ import numpy as np
 from icmj.base.array import Array, leading
 from icmj.engine.bounds import excesses
 from icmj.engine.isolation import isolate_engine
+from icmj.engine.joint_room import find_limited
 from icmj.engine.linearisation import (
     EPS,
     Differences,
@@ -25,7 +26,7 @@ from icmj.engine.model import (
     output_names,
     state_names,
 )
-from icmj.engine.operating_point import find_limited, state_units
+from icmj.engine.units import state_units
 from icmj.plant import quality
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.quality import BENT, Kink, Margin, Quality, Raised, Residual

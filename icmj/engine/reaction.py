@@ -17,7 +17,8 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, Law, has_trigger
+from icmj.controller.controller import Controller, has_trigger
+from icmj.controller.law import Law
 from icmj.engine.forces import forces
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import solve_fully

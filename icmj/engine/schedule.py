@@ -8,7 +8,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.roots import ONE_INSTANT
-from icmj.controller.controller import Law
+from icmj.controller.law import Law
 from icmj.plant.linear_plant import LinearPlant
 
 

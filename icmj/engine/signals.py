@@ -18,7 +18,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.simulation.settings import Gridded, at_points, points_of
+from icmj.simulation.grid import at_points, points_of
+from icmj.simulation.sources import Gridded
 
 REACH = 2.0  # Z [rad]: the first power left out is below Z^24/24! = 3e-17 of the amplitude
 HALF = 12  # coefficients of even powers, and of odd ones

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Law
+from icmj.controller.law import Law
 from icmj.engine.closed_loop import ComposedLoop, close_loop, refuse_choice
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.schedule import Schedule, rates_of

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, Law, has_trigger
+from icmj.controller.controller import Controller, has_trigger
+from icmj.controller.law import Law
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, Match, match_ports
 

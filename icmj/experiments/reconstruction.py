@@ -24,7 +24,7 @@ from icmj.base.array import Array, between, steps_in
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import amount
 from icmj.controller.controller import Controller
-from icmj.controller.setpoint import StepPairs
+from icmj.controller.step_pairs import StepPairs
 from icmj.errors import AnalysisError, DataError, expect
 from icmj.series.even_rows import even_series
 from icmj.series.series import Series

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, between
-from icmj.controller.controller import Law
+from icmj.controller.law import Law
 from icmj.controller.switching import SwitchingPD
 from icmj.errors import AnalysisError, expect
 from icmj.linear.run import simulate as simulate_exactly

@@ -22,7 +22,8 @@ from icmj.case.case import check_names
 from icmj.case.control import controller_of
 from icmj.case.plants import actual_plant, assumed_plant, linear_plant
 from icmj.case.references import digests
-from icmj.controller.controller import Law, has_trigger
+from icmj.controller.controller import has_trigger
+from icmj.controller.law import Law
 from icmj.errors import AnalysisError, FitError, IcmjError
 from icmj.linear.run import simulate
 from icmj.linear.simulator import Simulator
@@ -30,8 +31,10 @@ from icmj.plant.linear_plant import LinearPlant, match_ports
 from icmj.runfile.family_tables import FamilyFile, ParameterTable, load_family_file
 from icmj.runfile.schema import RunFile
 from icmj.runfile.sweep_tables import PRESSURE
-from icmj.simulation.settings import Settings, reseed, start_states
-from icmj.theory.delay_roots import count_unstable, loops_of
+from icmj.simulation.settings import Settings, reseed
+from icmj.simulation.start import start_states
+from icmj.theory.delay_roots import count_unstable
+from icmj.theory.mode_loops import loops_of
 from icmj.work.folder import fingerprint_of
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, compose, start_state
+from icmj.controller.closed_loop import compose
+from icmj.controller.controller import Controller, start_state
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.course import Sample
-from icmj.simulation.settings import Bias, Settings, Step
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Bias, Step
 
 
 class LinearCourse:

@@ -18,8 +18,9 @@ from functools import cached_property
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import CHAIN, ClosedLoop, Controller, compose
-from icmj.controller.realisation import Layout
+from icmj.controller.closed_loop import CHAIN, ClosedLoop, compose
+from icmj.controller.controller import Controller
+from icmj.controller.layout import Layout
 from icmj.errors import SimulationError
 from icmj.plant.activation import is_activation
 from icmj.plant.linear_plant import LinearPlant
@@ -31,7 +32,7 @@ class LinearLoop:
     """A composed loop, with views of its state; Z holds the moving part z = (x, d, e) of w in its last axis.
 
     Attributes:
-        composed: in the coordinates of :data:`icmj.controller.controller.CHAIN`, with the products of noises and
+        composed: in the coordinates of :data:`icmj.controller.closed_loop.CHAIN`, with the products of noises and
             hold, p and q of the first and so on, as a segment ``products`` if there are any.
     """
 

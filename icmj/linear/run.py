@@ -20,7 +20,8 @@ from icmj.base.array import Array, balance
 from icmj.base.bernstein import from_powers
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.interruption import defer_interrupt
-from icmj.controller.controller import Law, has_trigger
+from icmj.controller.controller import has_trigger
+from icmj.controller.law import Law
 from icmj.controller.realisation import Realisation
 from icmj.linear.loop import positions_of
 from icmj.linear.native.stretches import Body, Grid, Track, compile_stretches
@@ -29,13 +30,15 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending, position_limit
 from icmj.simulation.disturbance import acting_on
 from icmj.simulation.ending import EventPace
+from icmj.simulation.grid import points_between
 from icmj.simulation.labels import labels_of
 from icmj.simulation.native.loop import Status
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.readings import expect_no_observer, expect_readings
 from icmj.simulation.rows import collect_drives, edges_of, keep_rows
-from icmj.simulation.settings import Settings, plant_start, points_between, start_states
+from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
+from icmj.simulation.start import plant_start, start_states
 from icmj.simulation.taps import (
     POWERS,
     begin,

@@ -12,7 +12,8 @@ from icmj.base.interruption import defer_interrupt
 from icmj.controller.controller import Controller
 from icmj.linear.loop import LinearLoop, forcing, linear_loop
 from icmj.linear.native.motion import FRESH, Acting, Count, Now, Run, Tables
-from icmj.linear.tables import Response, tables
+from icmj.linear.response import Response
+from icmj.linear.tables import tables
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending, position_limit
 from icmj.simulation.disturbance import Disturbance, Pushes, acting_on

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, compose
+from icmj.controller.closed_loop import compose
+from icmj.controller.controller import Controller
 from icmj.controller.delay import NO_DELAY
 from icmj.controller.trigger import Continuous
 from icmj.errors import AnalysisError

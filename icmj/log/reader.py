@@ -29,7 +29,7 @@ def read_log(path: Path | str, *, allow_code: bool = False) -> Result:
     """Read the result from which a log was written, bit for bit; ``scene`` is ``None``.
 
     An event rule from user code is read as its numbers (:class:`icmj.controller.trigger.RecordedRule`), and so is a
-    controller (:class:`icmj.controller.controller.RecordedLaw`). Logs of controllers without an event rule that earlier
+    controller (:class:`icmj.controller.law.RecordedLaw`). Logs of controllers without an event rule that earlier
     versions wrote are read, too.
 
     Args:

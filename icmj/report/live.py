@@ -35,7 +35,9 @@ from icmj.plant.linear_plant import LinearPlant
 from icmj.report.player import chain_body, join_scripts, links_of, script
 from icmj.simulation.disturbance import Disturbance, acting_on, terms_of
 from icmj.simulation.position_limit import limits_of
-from icmj.simulation.settings import Gridded, Noise, Placed, Settings, plant_start
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Gridded, Noise, Placed
+from icmj.simulation.start import plant_start
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 

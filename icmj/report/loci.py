@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from icmj.plant.linear_plant import LinearPlant
 from icmj.report import style
 from icmj.report.wording import CaseRuns, Panel
-from icmj.theory.error_system import Locus, error_system, locus
+from icmj.theory.error_system import error_system
+from icmj.theory.locus import Locus, locus
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

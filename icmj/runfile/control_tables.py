@@ -11,10 +11,11 @@ import numpy as np
 from pydantic import model_validator
 
 from icmj.base.array import Matrix, NonNegative, Numbers, Positive, Positives, Weight, real
-from icmj.controller.controller import Controller, Law
+from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import HOLDS, Hold
+from icmj.controller.law import Law
 from icmj.controller.rules import RULES
 from icmj.controller.setpoint import (
     Setpoint,

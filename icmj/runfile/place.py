@@ -14,7 +14,7 @@ from icmj.base.array import Finite
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import ZERO
 from icmj.runfile.table import LISTED, TomlTable, make
-from icmj.simulation.settings import On, Source
+from icmj.simulation.sources import On, Source
 from icmj.simulation.tilt import tilt_sources
 from icmj.work.own_code import Code
 

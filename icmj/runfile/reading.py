@@ -23,7 +23,8 @@ from icmj.errors import AnalysisError, RunFileError, expect
 from icmj.plant.linear_plant import LinearPlant, expect_linear
 from icmj.runfile.schema import RunFile, plain, to_toml
 from icmj.runfile.table import TomlTable, in_words
-from icmj.simulation.settings import Gaussian, Settings, Source
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Gaussian, Source
 from icmj.work.shipped import RUNS, Shelf
 
 MOST_BYTES = 1_000_000  # the shipped ones have two thousand

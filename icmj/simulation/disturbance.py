@@ -18,23 +18,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, since
-from icmj.controller.controller import Law, has_trigger
+from icmj.controller.controller import has_trigger
+from icmj.controller.law import Law
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant, Push
 from icmj.series.interpolation import snap
-from icmj.simulation.settings import (
-    Bias,
-    Gaussian,
-    Gridded,
-    Impulse,
-    Noise,
-    Placed,
-    Settings,
-    Sinusoids,
-    Source,
-    at_times,
-)
+from icmj.simulation.grid import at_times
+from icmj.simulation.settings import Settings
 from icmj.simulation.sinusoids import Waves
+from icmj.simulation.sources import Bias, Gaussian, Gridded, Impulse, Noise, Placed, Sinusoids, Source
 
 LOW_PASS_END = 20.0  # corner frequencies at which a low-pass spectrum is cut; 3 % of the power would lie beyond
 _FINE, _COARSE = 4000, 400  # instants: of one signal, and of each of many

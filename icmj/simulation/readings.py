@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from icmj.base.text import one_line
-from icmj.controller.controller import Law
+from icmj.controller.law import Law
 from icmj.controller.realisation import Realisation
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant

@@ -17,10 +17,10 @@ from icmj.base.roots import DEEPEST
 from icmj.controller.realisation import Realisation
 from icmj.errors import SimulationError
 from icmj.simulation.disturbance import Acting, Disturbance
+from icmj.simulation.grid import at_points, points_of
 from icmj.simulation.native.loop import ACTED, EDGE, PLANNED, SIGNAL, TICK
 from icmj.simulation.native.taps import SMOOTH
 from icmj.simulation.native.waves import Waves
-from icmj.simulation.settings import at_points, points_of
 
 POWERS = 21  # p + 1: what they leave out of a motion that turns by up to 1.5 rad in a unit of time is below rounding
 ROUGH = 12  # levels from here on are smooth to rounding: what jumps has thirteen integrals by then

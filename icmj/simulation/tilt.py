@@ -10,11 +10,7 @@ from icmj.base.array import Array
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import Vector
 from icmj.simulation.disturbance import terms_of
-from icmj.simulation.settings import (
-    Noise,
-    Sinusoids,
-    Source,
-)
+from icmj.simulation.sources import Noise, Sinusoids, Source
 
 
 def tilt_sources(

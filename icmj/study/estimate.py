@@ -28,7 +28,9 @@ from icmj.linear.run import simulate as simulate_linear
 from icmj.plant.linear_plant import match_ports
 from icmj.simulation.disturbance import acting_on
 from icmj.simulation.readings import expect_no_observer, expect_readings
-from icmj.simulation.settings import Gridded, Settings, plant_start, start_states
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Gridded
+from icmj.simulation.start import plant_start, start_states
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
 STEPS, STRETCHES, ROWS = 1e6, 1e4, 2e5  # up to these a run takes a few seconds at most

@@ -1,14 +1,4 @@
-"""The periodic orbit that the linear theory predicts (paper, sections 3.3 and 3.4), with its admissibility.
-
-Maps from event to event: the return map of the event-driven rule, linearised at an orbit, and the clock's.
-
-From one event to the next x̄ ↦ φ(Δ(x̄)) x̄, with Δ(x̄) given by E = 0. On a mirrored orbit (λ = −1) the map takes
-x̄* to −x̄*; it is odd, so its derivative at −x̄* is the same J, and two intervals have J². The multipliers given are
-those of J, for one interval, in both cases: the orbit is attracting iff every one is inside the unit circle. With a
-delay one is zero, because the state at an event lies on the surface E = 0; without one the state is x̄, which leaves
-out e_hp, and none need be zero (docs/theory.md).
-Under a clock the map is linear, also where the clock is faster than the delay.
-"""
+"""The periodic orbit that the linear theory predicts (paper, sections 3.3 and 3.4), with its admissibility."""
 
 from __future__ import annotations
 
@@ -18,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, exponential, falling, leading
+from icmj.base.array import Array, leading
 from icmj.base.bernstein import maxima
-from icmj.controller.controller import Controller, compose
-from icmj.controller.hold import system_matched
 from icmj.controller.trigger import EventRule, Faces
 from icmj.errors import AnalysisError
-from icmj.plant.linear_plant import LinearPlant
-from icmj.theory.error_system import ErrorSystem, Flow, flow
+from icmj.theory.error_system import ErrorSystem
+from icmj.theory.flow import Flow, flow
 from icmj.theory.reduction import Reduction, reduction
 
 SAMPLES = 256
@@ -33,8 +21,6 @@ SAMPLES = 256
 TOUCH = 1e-12
 # faces whose E at the event are closer to each other than this (relative to the squared threshold) are reached together
 TIE = 1e-9
-# events over which a deviation is followed before its growth is taken, and over which it is
-_FOLLOWED = 200
 # a stiff system has so many Taylor cells that its motion no longer fits into half a gigabyte: cells times states
 _MOST_CELLS = 5_000_000
 # polynomials are made for a part of the cells at a time (cells times states), so that they take tens of megabytes
@@ -224,10 +210,10 @@ def _find_end(faces: Faces, system: ErrorSystem, X: Array) -> tuple[NDArray[np.i
     squares = faces.squares(X @ system.T_t.T @ faces.R.T)
     seen = float(squares[-1].max())
     scale = float((np.abs(X) @ np.abs(faces.R @ system.T_t).T).max()) ** 2
-    return _find_ties(squares[-1]), 1 / np.sqrt(seen) if seen > 1e-20 * scale else np.inf
+    return find_ties(squares[-1]), 1 / np.sqrt(seen) if seen > 1e-20 * scale else np.inf
 
 
-def _find_ties(squares: Array) -> NDArray[np.intp]:
+def find_ties(squares: Array) -> NDArray[np.intp]:
     """The faces that are reached together, the first of the largest |R_j e|² first."""
     tied = np.flatnonzero(squares >= (1 - TIE) * squares.max())
     return tied[np.argsort(-squares[tied], kind="stable")]
@@ -301,118 +287,3 @@ def _tail(p: Array, cut: float) -> Array:
     q = np.zeros_like(p)
     q[: len(shifted.coef)] = shifted.coef
     return q
-
-
-def jacobian(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
-    """J = φ − (𝔗A_D Ā_C X⁻)(g e^{Ā_CΔ}𝔗̄)/(g Ā_C X⁻), with g the gradient of E at X⁻, shape (n + n̂, n + n̂).
-
-    For the paper's rule g = 2X⁻ᵀM with M = 𝔗_tᵀQ_t𝔗_t; in general it is the gradient on the active face.
-
-    NaN throughout where E grazes zero at the event (E' = 0): the map has no derivative there.
-    """
-    return np.asarray(jacobians(system, trigger, orbit, prepared=prepared)[0])
-
-
-def jacobians(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
-    """J on each of the faces that the orbit reaches together, the active one first; shape (F', n + n̂, n + n̂).
-
-    Beside an orbit that reaches several, the map is the J of the face that is reached first there; see :func:`growth`.
-    """
-    e_A = (prepared or flow(system.A_C)).exponential(orbit.delta - system.delay.t_d)
-    X = e_A @ (system.entry @ orbit.x_bar)
-    faces, e = trigger.faces(system.design), system.T_t @ X
-    velocity, flight = system.A_C @ X, e_A @ system.entry
-    found = []
-    for face in _find_ties(faces.squares(faces.R @ e)):
-        R = faces.R[faces.rows(int(face))]
-        gradient = 2 * faces.unit * (R @ e) @ R @ system.T_t
-        slope = gradient @ velocity
-        if not abs(slope) > 1e-13 * (np.abs(gradient) @ np.abs(velocity)):
-            return np.full((1, len(system.exit), len(system.exit)), np.nan)
-        found.append(system.exit @ flight - np.outer(system.exit @ velocity, gradient @ flight) / slope)
-    return np.array(found)
-
-
-def event_shift(system: ErrorSystem, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
-    """𝔗A_D Ā_C X⁻, by which the state at the event of an orbit moves for each second that it comes later."""
-    e_A = (prepared or flow(system.A_C)).exponential(orbit.delta - system.delay.t_d)
-    return np.asarray(system.exit @ (system.A_C @ (e_A @ (system.entry @ orbit.x_bar))))
-
-
-def growth(J: Array, shift: Array, sign: int) -> float:
-    """The factor per event by which a deviation grows in the long run beside an orbit that reaches several faces.
-
-    To first order, the face that is reached first deciding from event to event; over deviations in many directions.
-
-    Args:
-        J: on each face, shape (F', m, m); they differ by matrices of rank one, shift times a row.
-        shift: :func:`event_shift`, shape (m,).
-        sign: of the orbit.
-    """
-    size = J.shape[1]
-    earlier = -(shift @ (J - J[0])) / (shift @ shift)
-    away = np.hstack([np.eye(size), -np.eye(size), np.random.default_rng(0).normal(size=(size, 2 * size))])
-    total = np.zeros(away.shape[1])
-    for step in range(2 * _FOLLOWED):
-        first = (earlier @ away).argmax(axis=0)
-        away = sign * np.einsum("ijk,ki->ji", J[first], away)
-        length = np.maximum(np.linalg.norm(away, axis=0), np.finfo(float).tiny)
-        away, total = away / length, total + np.log(length) * (step >= _FOLLOWED)
-    return float(np.exp(total.max() / _FOLLOWED))
-
-
-def stands_still(R: Array, A_h: Array) -> bool:
-    """Whether R x_h does not move between events, as with a zero-order hold."""
-    return bool((np.abs(R @ A_h) <= 1e-12 * (np.abs(R) @ np.abs(A_h))).all())
-
-
-def is_alternating(system: ErrorSystem, trigger: EventRule, orbit: Orbit, reduced: Reduction) -> bool:
-    """Whether the mirrored orbit is one of a family of cycles of two unequal intervals, by the structure of the loop.
-
-    Where what the rule sees of the hold stands still between events (a zero-order hold) and no delay is predicted, so
-    that an action sets the hold to what the observer was at its event, the error at an event is what the observer has
-    moved since the last. So over two intervals that close, the second event's error is minus the first's: one condition
-    on the state at an event is met by itself, and J has the multiplier +1. Its left eigenvector is the gradient of E on
-    x_o; along neutral modes that this sees there is drift.
-    """
-    if orbit.sign > 0 or system.delay.predicted or not np.isfinite(orbit.gamma):
-        return False
-    faces, A_h = trigger.faces(system.design), (system.hold or system_matched(system.design)).A_h
-    one = np.eye(system.n_hat)
-    x_o, e = np.hstack([system.T_hat, one, 0 * one]) @ system.lift, orbit.e_hp[-1]
-    for face in _find_ties(faces.squares(faces.R @ e)):
-        R = faces.R[faces.rows(int(face))]
-        if not stands_still(R, A_h) or reduced.shown_by((R @ e)[None] @ R @ x_o).any():
-            return False
-    return True
-
-
-def multipliers(J: Array) -> NDArray[np.complex128]:
-    """Eigenvalues of J by falling magnitude, shape (n + n̂,)."""
-    values = np.linalg.eigvals(J).astype(complex)
-    return values[falling(np.abs(values), values.real, values.imag)]
-
-
-def clocked_map(plant: LinearPlant, controller: Controller) -> Array:
-    """Matrix from (x, a) right after one event to (x, a) right after the next, shape (n + N_a, n + N_a).
-
-    Args:
-        plant: the actual plant.
-        controller: with a clock; a its states, predictions under way included.
-    """
-    loop = compose(plant, controller)
-    interval, delay = controller.trigger.clock, controller.delay
-    if not delay:
-        return np.asarray(loop.J @ exponential(loop.F * interval))
-    # of the events under way one acts in each interval; where the delay is a multiple of it, just before the next event
-    acts = delay.t_d - (delay.in_flight(interval) - 1) * interval
-    rest = max(interval - acts, 0.0)
-    return np.asarray(loop.J @ exponential(loop.F * rest) @ loop.G @ exponential(loop.F * acts))
-
-
-def is_stable(plant: LinearPlant, controller: Controller) -> bool:
-    """Whether every eigenvalue of the clock-driven loop lies inside the unit circle.
-
-    Predictions are remembered, so that some are zero; none can be one that nothing sees.
-    """
-    return bool(np.abs(np.linalg.eigvals(clocked_map(plant, controller))).max() < 1)

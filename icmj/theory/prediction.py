@@ -1,9 +1,4 @@
-"""The prediction of the linear eigenvalue analysis for the closed loop (paper, section 3; docs/theory.md).
-
-The facts of a prediction; see :class:`icmj.theory.prediction.Prediction` for what they mean in full.
-
-χ = V⁻¹x̄ (paper, eq. chi) where V can be inverted, and what takes its place where it cannot.
-"""
+"""The prediction of the linear eigenvalue analysis for the closed loop (paper, section 3; docs/theory.md)."""
 
 from __future__ import annotations
 
@@ -15,7 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import RELATIVE_ROUNDING, Array, falling, leading
+from icmj.base.array import RELATIVE_ROUNDING, Array
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import Fact, amount, eigenvalue, ordinal
@@ -24,21 +19,17 @@ from icmj.controller.hold import system_matched
 from icmj.controller.trigger import ClockTrigger, EventRule, expect_rule
 from icmj.errors import AnalysisError
 from icmj.theory.crossing import Crossing, Kind
-from icmj.theory.crossings import Outlook, check_range, outlook, search
-from icmj.theory.error_system import ErrorSystem, Flow, flow
-from icmj.theory.orbit import (
-    Orbit,
-    critical_vectors,
-    event_shift,
-    growth,
-    is_alternating,
-    is_stable,
-    jacobians,
-    multipliers,
-)
+from icmj.theory.crossings import check_range, search
+from icmj.theory.eigenstructure import eigenstructure
+from icmj.theory.error_system import ErrorSystem
+from icmj.theory.event_maps import event_shift, growth, is_alternating, is_stable, jacobians, multipliers
+from icmj.theory.flow import Flow, flow
+from icmj.theory.neutral_modes import NeutralMode
+from icmj.theory.orbit import Orbit, critical_vectors
 from icmj.theory.orbit import orbit as orbit_at
 from icmj.theory.orbit_family import OrbitFamily, family
-from icmj.theory.reduction import NeutralMode, Reduction, mixtures, modulo, reduction, stable_modulo_neutral
+from icmj.theory.outlook import Outlook, outlook
+from icmj.theory.reduction import Reduction, mixtures, modulo, reduction, stable_modulo_neutral
 
 PREDICTION = (
     Fact("delta_crit", "critical interval Δ_crit", "s", "critical open-loop interval", attrgetter("delta_crit")),
@@ -70,74 +61,6 @@ PREDICTION = (
          "outputs", figures=4, column="peak"),
 )  # fmt: skip
 """In the order of a sweep's columns."""
-
-
-# an eigenvalue that is defective in exact arithmetic gives about 1e7 in rounded: the line is drawn below that
-ILL_CONDITIONED = 1e6
-
-
-@dataclass(frozen=True, eq=False)
-class Eigenstructure:
-    """Coordinates χ of x̄ in which the critical mode is separate.
-
-    Attributes:
-        V_inv: χ = V_inv @ x̄, shape (n + n̂, n + n̂), row 0 critical: on the orbit χ_0 = γ and the others are 0.
-            ``None`` where the critical eigenvalue is itself defective.
-        condition: condition number of the eigenvector matrix V (columns of unit norm); infinite if defective.
-        diagonal: whether the rows after the first are left eigenvectors; if not they are an orthonormal basis of
-            the vectors that annihilate V_{k₁}.
-    """
-
-    V_inv: NDArray[np.complex128] | None
-    condition: float
-    diagonal: bool
-
-
-def eigenstructure(phi: Array, sign: int) -> Eigenstructure:
-    """Eigenstructure of φ(Δ_crit) with its eigenvalue ``sign`` = ±1 first.
-
-    The critical row is always the left null vector w of φ ∓ I, scaled to w V_{k₁} = 1. The others come from V⁻¹,
-    by falling |λ|, unless V is ill-conditioned; then from an ordered Schur form, whose first column is V_{k₁}: its
-    other columns are orthogonal to it, and in these coordinates φ is triangular rather than diagonal.
-    """
-    size = len(phi)
-    U, _, Vh = np.linalg.svd(phi - sign * np.eye(size))
-    v, w = Vh[-1], U[:, -1]
-    v = v * np.sign(v[leading(v)])
-    values, V = np.linalg.eig(phi)
-    k = int(np.abs(values - sign).argmin())
-    others = [int(i) for i in falling(np.abs(values), values.real, values.imag) if i != k]
-    order = np.array([k, *others])
-    V = V[:, order].astype(complex)
-    V[:, 0] = v
-    spread = np.linalg.svd(V, compute_uv=False)
-    # a defective matrix gives a V that is singular only up to rounding
-    condition = float(spread[0] / spread[-1]) if spread[-1] > 0 else float("inf")
-    overlap = float(w @ v)
-    if abs(overlap) < 1e-10:
-        return Eigenstructure(None, condition, False)
-    critical = w / overlap
-    if condition < ILL_CONDITIONED:
-        V_inv = np.linalg.inv(V)
-        diagonal = True
-    else:
-        V_inv = _complement(phi, v).astype(complex)
-        diagonal = False
-    V_inv[0] = critical
-    return Eigenstructure(V_inv, condition, diagonal)
-
-
-def _complement(phi: Array, v: Array) -> Array:
-    """Orthonormal rows with v first, the others those of a real Schur form of φ on what is left."""
-    from scipy.linalg import schur
-
-    size = len(phi)
-    # Householder: an orthonormal basis whose first vector is v
-    Q = np.linalg.qr(np.column_stack([v, np.eye(size)]))[0][:, :size]
-    Q[:, 0] = v
-    _, Z = schur(Q[:, 1:].T @ phi @ Q[:, 1:], output="real")
-    Q[:, 1:] = Q[:, 1:] @ Z
-    return np.asarray(Q.T)
 
 
 Verdict = Literal["attracting", "family", "repelling", "not admissible", "none"]

@@ -11,7 +11,7 @@ from icmj.base.array import Array
 from icmj.errors import AnalysisError
 from icmj.theory.circle import TOGETHER, Spectrum, outwards
 from icmj.theory.crossing import Kind
-from icmj.theory.error_system import flow
+from icmj.theory.flow import flow
 from icmj.theory.reduction import Reduction
 
 _CHUNK = 4_000_000  # entries of G worked on at once

@@ -10,8 +10,9 @@ import pytest
 from icmj.base.array import balance, between, exponential, extent, falling, instants, leading, since, steps_in
 from icmj.cycle.cycle import Cycle
 from icmj.plant.linear_plant import LinearPlant
-from icmj.theory.orbit import critical_vectors, multipliers
-from icmj.theory.prediction import eigenstructure
+from icmj.theory.eigenstructure import eigenstructure
+from icmj.theory.event_maps import multipliers
+from icmj.theory.orbit import critical_vectors
 
 EPS = np.finfo(float).eps
 

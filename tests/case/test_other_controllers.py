@@ -12,7 +12,7 @@ from terminal_cases import told
 from icmj import build_live, compare, load_run, parse_run, run_case, write_log
 from icmj.case.case import expect_theory, prepare, simulate
 from icmj.cli.main import main
-from icmj.controller.controller import RecordedLaw
+from icmj.controller.law import RecordedLaw
 from icmj.errors import AnalysisError, IcmjError, ReportError, RunFileError
 from icmj.log.archive import pack, unpack
 from icmj.log.reader import read_log, read_summary

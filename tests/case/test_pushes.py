@@ -6,7 +6,7 @@ import pytest
 import icmj
 from icmj import load_run, prepare, simulate
 from icmj.errors import RunFileError
-from icmj.log.writer import groups
+from icmj.log.groups import groups
 
 TRUNK = {"kind": "impulse", "body": "trunk", "force": [0.02, 0.0, 0.0], "point": [0.0, 0.0, 0.3], "start": 0.4}
 PUSHES = [

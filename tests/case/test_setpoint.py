@@ -12,7 +12,7 @@ from icmj.cli.main import main
 from icmj.engine.pose import scene
 from icmj.errors import AnalysisError, CycleError, LogError, RunFileError
 from icmj.log.archive import pack, unpack
-from icmj.log.writer import groups
+from icmj.log.groups import groups
 from icmj.study.estimate import estimate
 
 SHORT = {"simulation.duration": 2.0, "study.growth_points": 0, "study.law_q_t": [], "study.attractor_starts": 0}

@@ -5,7 +5,8 @@ import pytest
 
 import icmj
 from icmj import IcmjError, load_run, prepare, simulate
-from icmj.simulation.settings import Gaussian, at_times
+from icmj.simulation.grid import at_times
+from icmj.simulation.sources import Gaussian
 
 MOTOR = {"kind": "gaussian", "input": "ankle_torque", "share": 0.3, "corner": 2.0, "seed": 3}
 SHORT = {"simulation.duration": 2.0, "study.growth_points": 0, "study.law_q_t": [], "study.attractor_starts": 0}

@@ -8,8 +8,8 @@ from report_cases import result
 
 from icmj.base.numbers import Fact
 from icmj.case.comparison import RUN, Measured, Predicted, RelativeError, compare, to_json
-from icmj.log.writer import markdown
-from icmj.log.writer import summarise as properties
+from icmj.log.summary import markdown
+from icmj.log.summary import summarise as properties
 from icmj.study.chunk import CYCLE, WITHOUT_PREDICTION, columns
 from icmj.theory.prediction import PREDICTION
 

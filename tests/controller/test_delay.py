@@ -27,7 +27,7 @@ from icmj.engine.run import simulate as simulate_engine
 from icmj.errors import AnalysisError, SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.measurement.measurement import measure, measured_gamma
-from icmj.theory.orbit import clocked_map, is_stable
+from icmj.theory.event_maps import clocked_map, is_stable
 
 # --- the predictor ---------------------------------------------------------------------------------------------------
 

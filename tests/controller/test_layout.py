@@ -7,7 +7,7 @@ import pytest
 from linear_cases import event_controller, pendulum_design
 
 from icmj.controller.controller import layout_of, realise
-from icmj.controller.realisation import Layout
+from icmj.controller.layout import Layout
 from icmj.controller.trigger import Continuous
 
 

@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from icmj.controller.realisation import Guard, Layout, Mode, Realisation, parallel
+from icmj.controller.layout import Layout
+from icmj.controller.realisation import Guard, Mode, Realisation, parallel
 from icmj.errors import AnalysisError
 
 NONE = np.zeros((0, 0))

@@ -9,10 +9,11 @@ from scipy.optimize import brentq, root
 import icmj
 from icmj import branch_off, follow, load_run
 from icmj.cycle.branch import Branch, SpecialPoint, pack, unpack
-from icmj.cycle.cycle import Guess, find_cycle
+from icmj.cycle.cycle import find_cycle
 from icmj.cycle.family import ReturnMaps
+from icmj.cycle.guess import Guess
+from icmj.cycle.jacobian import jacobian
 from icmj.cycle.parameter import parameter
-from icmj.cycle.return_map import jacobian
 from icmj.errors import CycleError, RunFileError
 
 

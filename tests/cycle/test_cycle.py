@@ -5,7 +5,8 @@ import pytest
 from cycle_cases import case, return_map
 
 import icmj
-from icmj.cycle.cycle import Cycle, find_cycle, from_prediction
+from icmj.cycle.cycle import Cycle, find_cycle
+from icmj.cycle.guess import from_prediction
 from icmj.errors import CycleError
 
 PREDICTED = ("simple-0.8", "simple-1.2", "simple-1.7", "three-link-0.9", "neglected-0.1", "three-link-1.1-delay")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from cycle_cases import case, return_map
 
-from icmj.cycle.cycle import from_prediction
-from icmj.cycle.return_map import jacobian, multipliers
-from icmj.theory.orbit import jacobian as in_theory
+from icmj.cycle.guess import from_prediction
+from icmj.cycle.jacobian import jacobian, multipliers
+from icmj.theory.event_maps import jacobian as in_theory
 
 
 @pytest.mark.parametrize("name", ["simple-1.7", "neglected-0.1", "three-link-0.9"])

@@ -8,7 +8,8 @@ from oracles.delay import of_law
 from scipy.linalg import expm
 from tapped_cases import BODY, DELAY, HOMOGENEOUS, MGH, SWITCHING
 
-from icmj.cycle.switched import SwitchedMap, find_switched_cycle, follow_switched
+from icmj.cycle.switched import SwitchedMap, find_switched_cycle
+from icmj.cycle.switched_branch import follow_switched
 from icmj.errors import CycleError
 
 BEFORE = 0.01  # s before ξ at which the method of steps begins

@@ -9,8 +9,9 @@ from cycle_cases import case, return_map
 from model_cases import RICH, written
 
 from icmj import Controller, EventTrigger, LinearPlant, Settings, design_lq, load_plant, system_matched
-from icmj.cycle.cycle import from_prediction
-from icmj.cycle.return_map import ReturnMap, course, derivative, fast_jacobian, jacobian
+from icmj.cycle.guess import from_prediction
+from icmj.cycle.jacobian import course, derivative, fast_jacobian, jacobian
+from icmj.cycle.return_map import ReturnMap
 from icmj.errors import CycleError
 
 

@@ -7,9 +7,10 @@ import pytest
 from engine_cases import controller, plant
 
 from icmj import ClockTrigger, Continuous, Settings
+from icmj.engine.accuracy import Accuracy, choose_timestep, estimate, order_of
 from icmj.engine.closed_loop import ComposedLoop, close_loop
 from icmj.engine.flow import Record, follow
-from icmj.engine.run import Accuracy, choose_timestep, estimate, order_of, simulate
+from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 
 X = 0.01 * np.ones(6)

@@ -29,7 +29,8 @@ from icmj.errors import ModelError
 from icmj.plant.body import OperatingRule
 from icmj.plant.linear_plant import LinearPlant, transformation
 from icmj.simulation.disturbance import no_disturbance
-from icmj.simulation.settings import Gaussian, Settings
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Gaussian
 from icmj.theory.error_system import error_system
 
 CASES = [("pendulum", "pendulum"), ("three_link", "three_link"), ("pendulum_neglected", "pendulum")]

@@ -7,8 +7,8 @@ from model_cases import pendulum, written
 from mujoco.introspect.structs import STRUCTS
 
 from icmj import Deviation, load_plant
-from icmj.engine.deviation import ANCHOR
 from icmj.engine.model import load_model
+from icmj.engine.model_edits import ANCHOR
 from icmj.plant.body import Change
 from icmj.plant.person import Person
 

@@ -10,12 +10,14 @@ from model_cases import written
 from tapped_cases import PERSON
 
 import icmj
-from icmj.controller.realisation import Layout, Mode, Realisation
+from icmj.controller.layout import Layout
+from icmj.controller.realisation import Mode, Realisation
 from icmj.engine.composition import goes_by_steps
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
 from icmj.linear.run import simulate_tapped as linear_simulate
-from icmj.simulation.settings import Settings, start_states
+from icmj.simulation.settings import Settings
+from icmj.simulation.start import start_states
 
 SMALL = 1e-4
 

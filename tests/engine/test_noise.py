@@ -15,7 +15,7 @@ from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.simulation.disturbance import reading_error_of
-from icmj.simulation.settings import Source
+from icmj.simulation.sources import Source
 
 Kind = Callable[[float], tuple[Source, ...]]
 

@@ -17,7 +17,8 @@ from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
 from icmj.errors import ModelError
 from icmj.plant.body import Change, Selection
-from icmj.simulation.settings import Impulse, Settings
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Impulse
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 

@@ -15,7 +15,8 @@ from icmj.controller.controller import Controller
 from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import Continuous
-from icmj.cycle.return_map import ReturnMap, course, derivative, jacobian
+from icmj.cycle.jacobian import course, derivative, jacobian
+from icmj.cycle.return_map import ReturnMap
 from icmj.engine.block import block_of
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.deviation import Deviation
@@ -30,7 +31,8 @@ from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.plant.linear_plant import Push
 from icmj.runfile.reading import load_run
-from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Bias, Impulse, Noise, Step
 
 HOW = [{"tolerance": 1e-9}, {"timestep": 2e-4}]
 SHORT = 1e-6  # s: nothing moves meanwhile, so that an impulse is a change of momentum and nothing else

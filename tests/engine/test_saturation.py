@@ -13,8 +13,9 @@ from icmj.controller.rules.quadratic import EventTrigger
 from icmj.engine.deviation import Deviation
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
-from icmj.simulation.settings import Settings, Step
+from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import remarks
+from icmj.simulation.sources import Step
 
 J = 6 + 70 * 0.9**2
 LIMITED = {

@@ -14,7 +14,8 @@ from icmj import Continuous, Delay, EventTrigger, Gaussian, Settings, Simulation
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
-from icmj.simulation.settings import Source, at_times
+from icmj.simulation.grid import at_times
+from icmj.simulation.sources import Source
 
 ANKLE, HIP = "ankle_torque", "hip_torque"
 

@@ -10,7 +10,8 @@ from icmj.engine.closed_loop import close_loop
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.native.field import callbacks
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
-from icmj.simulation.settings import Bias, Noise, Settings, Source, Step
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Bias, Noise, Source, Step
 
 INPUTS, OUTPUTS = ("ankle_torque", "knee_torque", "hip_torque"), ("shank", "thigh", "trunk")
 ACTING: tuple[Source, ...] = (

@@ -16,11 +16,12 @@ from icmj.controller.design import design_lq, output_weight
 from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.trigger import ClockTrigger, Continuous, Trigger
+from icmj.engine.accuracy import choose_timestep, estimate
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.flow import follow
 from icmj.engine.open_loop import open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
-from icmj.engine.run import choose_timestep, estimate, simulate
+from icmj.engine.run import simulate
 from icmj.engine.stepping import AIM, WITHIN, choose_step, round_step, schedule_of, step_for
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant

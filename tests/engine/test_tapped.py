@@ -27,7 +27,8 @@ from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
-from icmj.simulation.settings import Bias, Gaussian, Impulse, Noise, Sampled, Settings, Step
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Bias, Gaussian, Impulse, Noise, Sampled, Step
 
 START = np.array([0.1, 0.03])
 DISTURBED = (

@@ -8,7 +8,7 @@ import pytest
 from double_step_cases import D_OL, D_S, T_D
 from scipy.signal import lfilter
 
-from icmj.controller.setpoint import StepPairs, double_steps, find_step_pairs
+from icmj.controller.step_pairs import StepPairs, double_steps, find_step_pairs
 from icmj.errors import AnalysisError, DataError
 from icmj.experiments.reconstruction import fit_response, own_response, reconstruct_steps
 from icmj.experiments.refractoriness import KINDS, explain_reactions, refractoriness

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.controller.controller import compose
+from icmj.controller.closed_loop import compose
 from icmj.controller.setpoint import Target, sines
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant

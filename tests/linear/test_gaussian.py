@@ -20,7 +20,8 @@ from icmj.errors import SimulationError
 from icmj.linear.run import simulate
 from icmj.measurement.statistics import statistics
 from icmj.simulation.disturbance import disturbance_of, reading_error_of
-from icmj.simulation.settings import Gaussian, Impulse, Noise, at_points, at_times
+from icmj.simulation.grid import at_points, at_times
+from icmj.simulation.sources import Gaussian, Impulse, Noise
 
 
 @pytest.mark.parametrize("corner", [None, 0.5, 8.0])

@@ -10,10 +10,13 @@ from scipy.linalg import expm
 
 import icmj
 from icmj.case.plants import linear_plant
-from icmj.controller.realisation import Guard, Layout, Mode, Realisation, parallel
+from icmj.controller.layout import Layout
+from icmj.controller.realisation import Guard, Mode, Realisation, parallel
 from icmj.errors import AnalysisError, SimulationError
 from icmj.linear.run import simulate_tapped
-from icmj.simulation.settings import Bias, Gaussian, Settings, Step, start_states
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Bias, Gaussian, Step
+from icmj.simulation.start import start_states
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 from linear_cases import PENDULUM, event_controller, loop_matrix, pendulum_design, random_loop
 
 from icmj import ClockTrigger, Continuous, Delay, LinearPlant
-from icmj.controller.controller import CHAIN, ERRORS, ORIGINAL, compose
+from icmj.controller.closed_loop import CHAIN, ERRORS, ORIGINAL, compose
 from icmj.errors import SimulationError
 from icmj.linear.loop import linear_loop
 

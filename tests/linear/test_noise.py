@@ -112,7 +112,7 @@ import functools, gc, hashlib
 from linear_cases import PENDULUM, event_controller, pendulum_design, settings
 from threadpoolctl import threadpool_info, threadpool_limits
 from icmj.linear.run import simulate
-from icmj.simulation.settings import Noise
+from icmj.simulation.sources import Noise
 for threads, timestep in ((1, 1e-3), (1, 5e-3), (2, 1e-3), (4, 1e-3)):
     threadpool_limits(threads, "blas")
     for kept in gc.get_objects():  # no matrix of the run before

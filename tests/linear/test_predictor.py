@@ -18,8 +18,10 @@ from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
 from icmj.controller.trigger import ClockTrigger
 from icmj.linear.run import simulate
 from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
-from icmj.simulation.settings import Bias, Impulse, Noise, Settings, Step
-from icmj.theory.delay_roots import predictor_loop, rightmost_roots
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Bias, Impulse, Noise, Step
+from icmj.theory.delay_roots import rightmost_roots
+from icmj.theory.predictor_roots import predictor_loop
 
 DESIGN = linear_cases.pendulum_design()
 START = np.array([0.01, 0.003])

@@ -31,7 +31,8 @@ from icmj.linear.run import simulate
 from icmj.measurement.measurement import measure, measured_gamma
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.disturbance import pushes_of
-from icmj.simulation.settings import Impulse, Noise, Settings, Step
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Impulse, Noise, Step
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 

@@ -11,7 +11,7 @@ from icmj import ClockTrigger, Controller, Delay, EventTrigger, Gaussian, Noise,
 from icmj.controller.rules.quadratic import as_weight
 from icmj.linear.run import simulate
 from icmj.simulation.disturbance import disturbance_of
-from icmj.simulation.settings import at_times, lines
+from icmj.simulation.grid import at_times, lines
 
 
 def test_lines_are_the_noise_between_its_points():

@@ -5,7 +5,7 @@ import pytest
 from log_cases import made_up
 
 from icmj.log import palette
-from icmj.log.writer import groups
+from icmj.log.groups import groups
 
 GROUNDS = {"dark": (13, 16, 17), "light": (255, 255, 255)}  # of the viewer's plots
 

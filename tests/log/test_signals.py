@@ -10,7 +10,7 @@ from log_cases import made_up, standing
 
 from icmj.controller.design import Design
 from icmj.controller.trigger import ClockTrigger, EventRule, Faces
-from icmj.log.writer import groups
+from icmj.log.groups import groups
 
 CASES = {
     "+1": ("pendulum", 0.8, 1.807, 40.0),

@@ -11,7 +11,8 @@ from log_cases import awkward, made_up, standing
 
 from icmj import Result, parse_run, run_case
 from icmj.errors import IcmjError, LogError
-from icmj.log.archive import pack, unpack, validate
+from icmj.log.archive import pack, unpack
+from icmj.log.validation import validate
 
 Change = Callable[[Result], Result]
 

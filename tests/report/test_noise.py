@@ -13,8 +13,8 @@ from icmj.case.comparison import compare, to_json
 from icmj.errors import LogError
 from icmj.linear.run import simulate
 from icmj.log.archive import pack, unpack
-from icmj.log.writer import markdown
-from icmj.log.writer import summarise as properties
+from icmj.log.summary import markdown
+from icmj.log.summary import summarise as properties
 from icmj.plant.linear_plant import transformation
 from icmj.report import sections
 from icmj.report.noise_figures import draw_histogram

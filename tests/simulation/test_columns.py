@@ -19,7 +19,8 @@ from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.errors import DataError
 from icmj.linear.run import simulate
 from icmj.runfile.reading import load_run, parse_run
-from icmj.simulation.settings import Impulse, Settings
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Impulse
 
 RATE = 373.0  # Hz: no row of a grid of 10 ms, but for every whole second
 

@@ -16,7 +16,8 @@ from icmj.simulation.disturbance import (
     reading_error_of,
     realised,
 )
-from icmj.simulation.settings import NOISE_TERMS, Bias, Impulse, Noise, Settings, Step
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import NOISE_TERMS, Bias, Impulse, Noise, Step
 
 
 def test_impulse_and_step_have_their_size_and_edges() -> None:

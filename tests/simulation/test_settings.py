@@ -10,7 +10,9 @@ from icmj.errors import SimulationError
 from icmj.runfile.run_tables import SimulationTable
 from icmj.runfile.shapes import bias, gaussian, impulse, noise, step
 from icmj.simulation import ending
-from icmj.simulation.settings import Bias, Gaussian, Impulse, Noise, Settings, Step, start_states
+from icmj.simulation.settings import Settings
+from icmj.simulation.sources import Bias, Gaussian, Impulse, Noise, Step
+from icmj.simulation.start import start_states
 
 
 @pytest.mark.parametrize(

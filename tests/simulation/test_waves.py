@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from icmj.simulation.disturbance import disturbance_of
-from icmj.simulation.settings import Impulse, Noise
 from icmj.simulation.sinusoids import Waves
+from icmj.simulation.sources import Impulse, Noise
 
 
 @pytest.mark.parametrize("stride", [0.0, 1e-3, 0.2])

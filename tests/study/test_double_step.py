@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.controller.setpoint import double_steps
+from icmj.controller.step_pairs import double_steps
 from icmj.errors import DataError, RunFileError
 from icmj.runfile.reading import parse_toml
 from icmj.series.series import Series

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.controller.setpoint import double_steps
+from icmj.controller.step_pairs import double_steps
 from icmj.errors import DataError, IcmjError, RunFileError
 from icmj.experiments.stance_channels import StanceChannels
 from icmj.series.series import Series

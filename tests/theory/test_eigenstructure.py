@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from icmj.theory.prediction import eigenstructure
+from icmj.theory.eigenstructure import eigenstructure
 
 
 @pytest.mark.parametrize("sign", [1, -1])

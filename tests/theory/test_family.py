@@ -22,7 +22,7 @@ from icmj.controller.delay import NO_DELAY
 from icmj.linear.run import simulate
 from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.orbit import jacobian
+from icmj.theory.event_maps import jacobian
 from icmj.theory.reduction import mixtures, modulo
 
 

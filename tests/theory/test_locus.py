@@ -7,7 +7,9 @@ from theory_cases import SHIPPED, random_systems, shipped
 
 from icmj import LinearPlant, design_lq
 from icmj.errors import AnalysisError
-from icmj.theory.error_system import error_system, flow, follow, locus
+from icmj.theory.error_system import error_system
+from icmj.theory.flow import flow
+from icmj.theory.locus import follow, locus
 
 
 @pytest.mark.parametrize("case", SHIPPED)

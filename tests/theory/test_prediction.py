@@ -7,8 +7,10 @@ from theory_cases import SHIPPED, neglected, pendulum_design, shipped
 from icmj import EventTrigger, output_weight, zero_order
 from icmj.errors import AnalysisError
 from icmj.theory.crossing import Crossing
-from icmj.theory.error_system import error_system, locus
-from icmj.theory.prediction import ILL_CONDITIONED, critical_crossing, eigenstructure, predict
+from icmj.theory.eigenstructure import ILL_CONDITIONED, eigenstructure
+from icmj.theory.error_system import error_system
+from icmj.theory.locus import locus
+from icmj.theory.prediction import critical_crossing, predict
 
 PUBLISHED = {  # Δ_crit, its eigenvalue, the largest other one, whether there is a cycle, and its stability
     "b=0.8": (1.807, 1, 0.268, True, "attracting"),

@@ -11,14 +11,9 @@ from theory_cases import three_link_design
 from icmj import Delay, PredictorController
 from icmj.controller.setpoint import Target, setpoint, step
 from icmj.errors import AnalysisError
-from icmj.theory.delay_roots import (
-    DelayLoop,
-    count_unstable,
-    delay_loop,
-    predictor_covariance,
-    predictor_loop,
-    rightmost_roots,
-)
+from icmj.theory.delay_roots import DelayLoop, count_unstable, delay_loop, rightmost_roots
+from icmj.theory.predictor_roots import predictor_loop
+from icmj.theory.stationary_covariance import predictor_covariance
 
 
 def poles(design) -> np.ndarray:

@@ -5,7 +5,7 @@ import pytest
 from theory_cases import SHIPPED, assert_multipliers_agree, random_systems, shipped
 
 from icmj import EventTrigger, predict
-from icmj.theory.orbit import jacobian, multipliers
+from icmj.theory.event_maps import jacobian, multipliers
 
 
 @pytest.mark.parametrize("case", [c for c in SHIPPED if c != "exact"])

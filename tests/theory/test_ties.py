@@ -6,7 +6,7 @@ from theory_cases import random_systems, started_beside
 
 from icmj import BoxTrigger, EventTrigger, LinearPlant, design_lq, predict
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.orbit import jacobians
+from icmj.theory.event_maps import jacobians
 
 
 def two_pendulums(gain: float) -> ErrorSystem:

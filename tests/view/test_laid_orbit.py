@@ -11,7 +11,7 @@ from icmj.case.laid_orbit import lay_orbit
 from icmj.case.motion import event_rows, output_rate, reduce_state
 from icmj.case.result import Result
 from icmj.linear.run import simulate
-from icmj.log.writer import groups
+from icmj.log.groups import groups
 from icmj.report.panels import PANELS
 from icmj.report.wording import pair
 

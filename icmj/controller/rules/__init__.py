@@ -4,7 +4,7 @@ To add one, write a file here and enter its name below, by which a run file sele
 frozen dataclass that inherits from :class:`icmj.controller.trigger.EventRule`, and ``from_keys``, a function that makes
 it of the design, of Δ_min, and of the keys of ``[controller]`` that are the rule's own: its other parameters, each with
 a bound and a default, and described under ``Args``. A key that is required has the default ``None``. Theory, both
-simulations, logs and reports ask nothing else; a rule with memory is a :class:`icmj.controller.controller.Law`.
+simulations, logs and reports ask nothing else; a rule with memory is a :class:`icmj.controller.law.Law`.
 """
 
 from icmj.base.catalogue import Catalogue

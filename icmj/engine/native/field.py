@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from icmj.engine import block, push_table, signals
-from icmj.engine import model as actuators
+from icmj.engine import activations, block, push_table, signals
 from icmj.engine.block import Slot
 from icmj.engine.native.memory import (
     address,
@@ -208,7 +207,7 @@ _sensor_pos, _sensor_vel = engine_function("mj_sensorPos"), engine_function("mj_
 _MAGIC, _VERSION, _HEADER, _INPUT = block.MAGIC, block.VERSION, block.HEADER, signals.SIGNAL
 _N_DYN, _USER = int(mujoco.mjNDYN), int(mujoco.mjtDyn.mjDYN_USER)
 _VELOCITY = int(mujoco.mjtStage.mjSTAGE_VEL)
-_lag = compiled(actuators.lag)
+_lag = compiled(activations.lag)
 
 
 class ModelFields(NamedTuple):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from icmj.controller.controller import Law
 from icmj.controller.delayed_pid import DelayedPID
+from icmj.controller.law import Law
 from icmj.runfile.control_tables import ControllerTable, Parts
 from icmj.runfile.table import keys_of, make
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from icmj.controller.controller import Law, expect_law
+from icmj.controller.law import Law, expect_law
 from icmj.errors import RunFileError
 from icmj.runfile.control_tables import ControllerTable, Parts
 from icmj.runfile.table import Parameters, Reference

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
-from icmj.controller.controller import Law
+from icmj.controller.law import Law
 from icmj.controller.predictor import PredictorController
 from icmj.runfile.control_tables import ControllerTable, Parts
 

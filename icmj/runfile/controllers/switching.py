@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from icmj.base.array import MOST_ENTRIES, Finite, Numbers
 from icmj.controller.channels import Channel, SwitchingChannels
-from icmj.controller.controller import Law
+from icmj.controller.law import Law
 from icmj.controller.switching import SwitchingPD, slope_of
 from icmj.runfile.control_tables import ControllerTable, Parts
 from icmj.runfile.table import TomlTable, keys_of, make

@@ -7,7 +7,7 @@ from typing import Literal
 
 from icmj.runfile.place import DisturbanceTable
 from icmj.runfile.table import keys_of, make
-from icmj.simulation.settings import Bias, Source
+from icmj.simulation.sources import Bias, Source
 
 
 @keys_of(Bias)

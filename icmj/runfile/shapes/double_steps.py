@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from icmj.base.array import Array, Finite, Positive
-from icmj.controller.setpoint import StepPairs, double_steps
+from icmj.controller.step_pairs import StepPairs, double_steps
 from icmj.errors import AnalysisError
 from icmj.runfile.table import keys_of, make
 from icmj.runfile.target import TargetTable

@@ -14,7 +14,7 @@ from icmj.errors import AnalysisError, DataError, RunFileError
 from icmj.runfile.place import PlaceTable
 from icmj.runfile.table import Line, TomlTable, keys_of
 from icmj.runfile.target import MOST_INTERVALS, TargetTable
-from icmj.simulation.settings import GRID, MOST_VALUES, Sampled
+from icmj.simulation.sources import GRID, MOST_VALUES, Sampled
 from icmj.work.own_code import Code
 
 _SCALES = {"deg": ("rad", np.pi / 180), "°": ("rad", np.pi / 180), "cm": ("m", 0.01), "mm": ("m", 0.001)}

@@ -8,7 +8,7 @@ from icmj.base.array import Positive, Seed
 from icmj.errors import SimulationError
 from icmj.runfile.place import PlaceTable
 from icmj.runfile.table import keys_of
-from icmj.simulation.settings import Gaussian, Source
+from icmj.simulation.sources import Gaussian, Source
 
 
 @keys_of(Gaussian)
@@ -16,7 +16,7 @@ class GaussianTable(PlaceTable):
     """Gaussian noise on one input or body, or on one output as the observer reads it.
 
     Its spectrum is white, or a first-order low-pass with a ``corner`` [Hz]. Its distribution is exact at the points of
-    a grid; see :class:`icmj.simulation.settings.Gaussian`.
+    a grid; see :class:`icmj.simulation.sources.Gaussian`.
     """
 
     kind: Literal["gaussian"]

@@ -7,7 +7,7 @@ from typing import Literal
 from icmj.base.array import Finite
 from icmj.runfile.place import PlaceTable
 from icmj.runfile.table import keys_of
-from icmj.simulation.settings import Impulse
+from icmj.simulation.sources import Impulse
 
 
 @keys_of(Impulse)

@@ -17,7 +17,7 @@ from icmj.errors import RunFileError
 from icmj.runfile.place import PlaceTable
 from icmj.runfile.table import Parameters, Reference, keys_of, short
 from icmj.runfile.target import TargetTable
-from icmj.simulation.settings import Sinusoids
+from icmj.simulation.sources import Sinusoids
 from icmj.work.own_code import Code, digest_of, pick_accepted
 
 

@@ -12,7 +12,7 @@ from icmj.errors import SimulationError
 from icmj.runfile.place import PlaceTable
 from icmj.runfile.table import keys_of
 from icmj.runfile.target import TargetTable
-from icmj.simulation.settings import GRID, MOST_VALUES, Sampled, Source
+from icmj.simulation.sources import GRID, MOST_VALUES, Sampled, Source
 
 
 @keys_of(Sampled, without=("values",))

@@ -6,7 +6,7 @@ from typing import Literal
 
 from icmj.runfile.place import PlaceTable
 from icmj.runfile.table import Line, keys_of
-from icmj.simulation.settings import Sampled
+from icmj.simulation.sources import Sampled
 
 
 @keys_of(Sampled)

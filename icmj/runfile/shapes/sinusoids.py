@@ -14,7 +14,7 @@ from icmj.base.array import Array, Finite
 from icmj.runfile.place import PlaceTable
 from icmj.runfile.table import LISTED, Line, keys_of
 from icmj.runfile.target import MOST_INTERVALS, TargetTable
-from icmj.simulation.settings import Sinusoids
+from icmj.simulation.sources import Sinusoids
 
 Term = Annotated[tuple[Finite, Finite, Finite, Finite, Finite], LISTED]
 
@@ -23,7 +23,7 @@ Term = Annotated[tuple[Finite, Finite, Finite, Finite, Finite], LISTED]
 class SinusoidsTable(PlaceTable):
     """A sum of sinusoids on one input or body, or on one output as the observer reads it.
 
-    See :class:`icmj.simulation.settings.Sinusoids`. Noise from user code is also recorded in this form.
+    See :class:`icmj.simulation.sources.Sinusoids`. Noise from user code is also recorded in this form.
     """
 
     kind: Literal["sinusoids"]

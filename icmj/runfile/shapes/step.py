@@ -9,7 +9,7 @@ from icmj.controller.setpoint import step
 from icmj.runfile.place import PlaceTable
 from icmj.runfile.table import keys_of
 from icmj.runfile.target import TargetTable
-from icmj.simulation.settings import Step
+from icmj.simulation.sources import Step
 
 
 @keys_of(Step)

@@ -13,7 +13,7 @@ from icmj.errors import AnalysisError, SimulationError
 from icmj.runfile.place import PlaceTable
 from icmj.runfile.table import TomlTable, keys_of
 from icmj.runfile.target import MOST_INTERVALS, TargetTable
-from icmj.simulation.settings import Sinusoids, Source
+from icmj.simulation.sources import Sinusoids, Source
 from icmj.simulation.ternary import ternary_lines
 
 

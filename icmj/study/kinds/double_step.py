@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from icmj.base.array import MOST_ENTRIES, Array, Finite, NonNegative, Positive, Positives
 from icmj.case.case import Case, PlantKind
-from icmj.controller.setpoint import double_steps, find_step_pairs
+from icmj.controller.step_pairs import double_steps, find_step_pairs
 from icmj.errors import DataError
 from icmj.experiments.reconstruction import EARLIEST, Reconstruction, reconstruct_steps
 from icmj.experiments.recording import Recording, keep_complete

@@ -32,8 +32,8 @@ from icmj.runfile.table import LISTED
 from icmj.series.even_rows import even_series
 from icmj.series.series import Series
 from icmj.simulation.disturbance import LOW_PASS_END
-from icmj.simulation.settings import Gaussian, Noise, Source
 from icmj.simulation.simulation import Simulation
+from icmj.simulation.sources import Gaussian, Noise, Source
 from icmj.study.kind import CaseResult, Kind, Names, Rate, Word, cut_recording, sample_rows, set_duration
 
 if TYPE_CHECKING:

@@ -19,8 +19,8 @@ from icmj.report.experiment import Row
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import TomlTable
 from icmj.series.series import Series
-from icmj.simulation.settings import Sinusoids
 from icmj.simulation.simulation import Simulation
+from icmj.simulation.sources import Sinusoids
 from icmj.study.kind import CaseResult, Kind, Names, Rate, Word, sample_rows, set_duration
 from icmj.study.periodic_response import PeriodicResponse, analyse_trials, draw_response, take_periods, whole_periods
 

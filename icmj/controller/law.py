@@ -1,0 +1,119 @@
+"""The interface of every controller, and a controller of which nothing but its numbers is kept."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from icmj.controller.realisation import Realisation
+from icmj.controller.setpoint import Setpoint
+from icmj.errors import AnalysisError
+from icmj.plant.linear_plant import LinearPlant
+from icmj.work.own_code import Fact, digest_of, plain, reference_of
+
+
+class Law(ABC):
+    """A controller; simulations use this interface and its :class:`icmj.controller.Realisation`.
+
+    Your own controller is a frozen dataclass that inherits from ``Law``.
+
+    Attributes:
+        setpoint: the set-point r(t) that the controller follows; ``None`` if it has none.
+    """
+
+    setpoint: Setpoint | None = None
+
+    @property
+    @abstractmethod
+    def plant(self) -> LinearPlant:
+        """The assumed plant; the controller has its inputs and outputs, in the same order."""
+
+    @property
+    @abstractmethod
+    def kind(self) -> str:
+        """One word for tables and logs."""
+
+    @property
+    @abstractmethod
+    def realisation(self) -> Realisation:
+        """Its modes, states and resets.
+
+        Raises:
+            AnalysisError: if its parts do not fit together.
+        """
+
+    @abstractmethod
+    def facts(self) -> Mapping[str, Any]:
+        """Its parameters by their usual names, for tables and summaries."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedLaw(Law):
+    """A controller from user code, as a log stores it: its realisation as numbers, and its origin.
+
+    Attributes:
+        assumed: the plant for which it was made.
+        moves: its realisation.
+        called: its ``kind``.
+        reference: ``module:name`` of its class.
+        sha256: digest of the source file; "" if there was none.
+        parameters: the fields of its dataclass, by name.
+    """
+
+    assumed: LinearPlant
+    moves: Realisation
+    called: str
+    reference: str
+    sha256: str
+    parameters: Mapping[str, Fact] = field(default_factory=dict)
+
+    @property
+    def plant(self) -> LinearPlant:
+        return self.assumed
+
+    @property
+    def kind(self) -> str:
+        return self.called
+
+    @property
+    def realisation(self) -> Realisation:
+        return self.moves
+
+    def facts(self) -> Mapping[str, Any]:
+        return {"controller": self.reference, **self.parameters}
+
+
+def expect_law(law: Law, plant: LinearPlant) -> Law:
+    """See that a controller of the user's own is one for this assumed plant; all that is asked of it is asked once.
+
+    Raises:
+        AnalysisError: if it has no realisation, or one of other inputs and outputs than the plant's.
+    """
+    asked = {"realisation": (law.realisation, Realisation), "plant": (law.plant, LinearPlant), "kind": (law.kind, str),
+             "facts()": (law.facts(), Mapping)}  # fmt: skip
+    for name, (found, kind) in asked.items():
+        if not isinstance(found, kind):
+            raise AnalysisError(f"its {name} is a {type(found).__name__}; expected a {kind.__name__}")
+    if (law.plant.inputs, law.plant.outputs) != (plant.inputs, plant.outputs):
+        raise AnalysisError("its plant has other inputs or outputs than the assumed plant")
+    real = law.realisation
+    readings = len(real.taps) * (plant.n_y + plant.n_u * real.commands) + len(np.unique(real.signals[:, 0]))
+    if real.K.shape[0] != plant.n_u or real.N.shape[1] < readings:
+        raise AnalysisError(
+            f"its realisation has {real.K.shape[0]} commands and {real.N.shape[1]} readings; the assumed plant takes "
+            f"{plant.n_u}, and gives {readings}"
+        )
+    return law
+
+
+def record_law(law: Law) -> Law:
+    """A controller as a log keeps it: itself, but for one that is not of icmj."""
+    if type(law).__module__.startswith("icmj."):
+        return law
+    named: list[str] = [f.name for f in fields(law)] if is_dataclass(law) else []
+    parameters = {name: plain(getattr(law, name)) for name in named if getattr(law, name) is not law.plant}
+    return RecordedLaw(law.plant, law.realisation, law.kind, reference_of(law), digest_of(law), parameters)

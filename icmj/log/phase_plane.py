@@ -1,0 +1,126 @@
+"""The phase plane of a run: every output against its rate, over the predicted orbit, with the present point moving.
+
+It is drawn in a 2D view, which has equal axes and y downwards: values are scaled to a frame of fixed shape, whose ticks
+name them by round numbers.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import rerun as rr
+
+from icmj.base.array import Array, between
+from icmj.case.laid_orbit import lay_orbit
+from icmj.case.motion import event_rows, output_rate
+from icmj.case.quantity import in_brackets, shared_unit
+from icmj.log import palette
+from icmj.log.timeline import time_column
+from icmj.simulation.scene import frames
+
+if TYPE_CHECKING:
+    from icmj.case.result import PredictedResult
+
+
+WIDE = 1.6  # width of the frame over its height
+ROOT = "phase"
+LATE = 0.5  # the part of a run at its end that is drawn bright; before it is the approach, drawn dim
+
+
+def write_phase_plane(recording: rr.RecordingStream, result: PredictedResult) -> None:
+    """Write the phase plane of ``result``: approach dim, second half bright, events, orbit, and the present point."""
+    simulation = result.simulation
+    y, rate = simulation.y, output_rate(result, simulation.x, simulation.u)
+    laid = lay_orbit(result) if result.prediction.cycle else None
+    orbit = None if laid is None else (laid.whole(laid.orbit.y), laid.whole(laid.rate))
+    late = between(simulation.t, simulation.t[-1] * (1 - LATE))
+    seen = [(y[late], rate[late])] + ([orbit] if orbit is not None else [])
+    scale_y, scale_rate = (round_up(max(float(np.abs(pair[i]).max(initial=0.0)) for pair in seen)) for i in (0, 1))
+
+    def placed(y: Array, rate: Array) -> Array:
+        return np.column_stack([WIDE * y / scale_y, -rate / scale_rate])
+
+    _write_frame(recording, scale_y, scale_rate, shared_unit(result.actual.output_units))
+    colours = palette.series(result.actual.n_y)
+    approach = ~late
+    events = event_rows(simulation)
+    events = events[late[events]]
+    for i, (name, colour) in enumerate(zip(result.actual.outputs, colours, strict=True)):
+        root = f"{ROOT}/{name}"
+        strips = _inside(placed(y[approach, i], rate[approach, i]))
+        if strips:
+            faint = palette.dim(palette.dim(colour))
+            recording.log(
+                f"{root}/approach", rr.LineStrips2D(strips, colors=[faint], radii=[-0.5], draw_order=1.0), static=True
+            )
+        if orbit is not None:
+            line = placed(orbit[0][:, i], orbit[1][:, i])
+            recording.log(
+                f"{root}/orbit",
+                rr.LineStrips2D([line], colors=[palette.dim(palette.WHITE)], radii=[-3.0], draw_order=10.0 + i),
+                static=True,
+            )
+        line = placed(y[late, i], rate[late, i])
+        recording.log(
+            f"{root}/run", rr.LineStrips2D([line], colors=[colour], radii=[-1.25], draw_order=20.0 + i), static=True
+        )
+        if len(events):
+            at = placed(y[events, i], rate[events, i])
+            recording.log(
+                f"{root}/events",
+                rr.Points2D(at, colors=[palette.EVENT], radii=[-3.5], draw_order=30.0 + i),
+                static=True,
+            )
+    shown = frames(simulation.t)
+    now = np.stack([placed(y[shown, i], rate[shown, i]) for i in range(result.actual.n_y)], axis=1)
+    style = rr.Points2D.from_fields(
+        colors=colours, radii=[-6.0], labels=list(result.actual.outputs), show_labels=True, draw_order=40.0
+    )
+    recording.log(f"{ROOT}/now", style, static=True)
+    positions = rr.Points2D.columns(positions=now.reshape(-1, 2)).partition(np.full(len(shown), result.actual.n_y))
+    recording.send_columns(f"{ROOT}/now", [time_column(simulation.t[shown])], positions)
+
+
+def round_up(value: float) -> float:
+    """The next of 1, 2, 5 times a power of ten; 1 for zero."""
+    if not np.isfinite(value) or value <= 0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-9)))
+
+
+def _inside(line: Array, reach: float = 1.2) -> list[Array]:
+    """The parts of a line that stay within the frame."""
+    inside = np.abs(line / [WIDE, 1.0]).max(axis=1) <= reach
+    cuts = np.flatnonzero(np.diff(inside.astype(int))) + 1
+    return [
+        part
+        for part, kept in zip(np.split(line, cuts), np.split(inside, cuts), strict=True)
+        if len(part) > 1 and kept[0]
+    ]
+
+
+def _write_frame(recording: rr.RecordingStream, scale_y: float, scale_rate: float, unit: str) -> None:
+    axes = [[[-1.2 * WIDE, 0], [1.2 * WIDE, 0]], [[0, -1.2], [0, 1.2]]]
+    recording.log(
+        f"{ROOT}/axes", rr.LineStrips2D(axes, colors=[palette.GREY], radii=[-0.6], draw_order=0.0), static=True
+    )
+    ticks = [[-WIDE, 0.0], [WIDE, 0.0], [0.0, -1.0], [0.0, 1.0]]
+    labels = [f"{-scale_y:g}", f"{scale_y:g}", f"{scale_rate:g}", f"{-scale_rate:g}"]
+    recording.log(
+        f"{ROOT}/ticks",
+        rr.Points2D(ticks, labels=labels, colors=[palette.WHITE], radii=[-2.0], show_labels=True, draw_order=0.5),
+        static=True,
+    )
+    recording.log(
+        f"{ROOT}/names",
+        rr.Points2D(
+            [[1.15 * WIDE, -0.16], [0.0, -1.3]],
+            labels=[f"y{in_brackets(unit)}", f"dy/dt{in_brackets(unit, '/s')}"],
+            colors=[palette.WHITE],
+            radii=[0.0],
+            show_labels=True,
+        ),
+        static=True,
+    )
