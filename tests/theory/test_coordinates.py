@@ -8,7 +8,7 @@ from icmj import EventTrigger, LinearPlant, error_system, predict
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import system_matched, zero_order
-from icmj.theory.error_system import flow
+from icmj.theory.flow import flow
 
 CASES = {
     "b=0.8": (pendulum(0.8), pendulum_design()),
