@@ -32,6 +32,7 @@ extensions = [
     "links",
     "live_pages",
     "mathml",
+    "measures",
     "pages",
     "public_names",
     "run_file",

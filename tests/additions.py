@@ -688,9 +688,194 @@ assert told.finding is not None, told.words
 """,
     alone=True,
 )
+MEASURE_FILE = '''"""How often a coordinate turns back."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from icmj.base.array import NonNegative
+from icmj.measurement import Definition, Signal, define_measure
+
+
+@define_measure(
+    "turns",
+    "turns of direction",
+    "1/s",
+    of=["coordinate"],
+    standard=True,
+    definitions=[Definition("turns of direction", "turns, divided by $T$", "nobody")],
+)
+def turns(signal: Signal, *, least: NonNegative = 0.0) -> float:
+    """Changes of direction per second.
+
+    Args:
+        signal: a coordinate.
+        least: distance below which a movement does not count [unit].
+    """
+    moved = np.diff(signal.values)
+    return float(np.count_nonzero(np.diff(np.sign(moved[np.abs(moved) > least]))) / signal.duration)
+
+
+MEASURE = turns
+'''
+SWAYING = """
+import contextlib, io, json, pickle, sys, icmj
+import numpy as np
+from pathlib import Path
+from icmj.cli.main import main
+from icmj.errors import IcmjError
+from icmj.measurement.measures import MEASURES, find_measure, numbers_of, tabulate_definitions
+from icmj.study.file_kinds import json_schema
+from icmj.work.own_code import Code
+t = np.arange(3000) / 100
+series = icmj.Series(t, 0.01 * np.column_stack([np.sin(np.pi * t), np.cos(np.pi * t)]), ("ap", "ml"), ("m", "m"))
+icmj.write_series(series, "sway.csv")
+def says(*words, status=0):
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as told:
+        try:
+            ended = main([*words])
+        except SystemExit as stop:
+            ended = stop.code or 0
+    assert ended == status, (words, told.getvalue())
+    return " ".join((out.getvalue() or told.getvalue().strip()).split(" " if status else None))
+def measured(*words):
+    (first, second) = json.loads(says("measure", "sway.csv", "--json", *words))["coordinates"]
+    return first
+def refuses(words, *given):
+    said = says("measure", "sway.csv", *given, status=2)
+    assert words in said and "\\n" not in said, said
+def experiment(name, table="", case='run = "simple-0.8"', **options):
+    head = '[experiment]\\nname = "e"\\nplants = ["linear"]\\nrepetitions = 2\\n[[case]]\\n'
+    Path(f"{name}.toml").write_text(f"{head}{case}\\n[quiet_standing]\\nduration = 10.0\\nsettle = 0.0\\n{table}")
+    return icmj.load_experiment(f"{name}.toml", **options)
+noise = 'kind = "noise", input = "torque", size = 0.05, bandwidth = 3.0, seed = 1'
+noisy = f'run = "simple-0.8"\\nset.simulation.disturbance = [{{{noise}}}]'
+"""
+MEASURES = Shelf(
+    "measurement/measures",
+    "turns",
+    MEASURE_FILE,
+    SWAYING
+    + f"""
+assert measured()["turns"] == 1.0 and measured("--least", "1.0")["turns"] == 0.0
+shown = says("measure", "sway.csv")
+assert "turns of direction (1/s) 1 0.9667" in shown, shown
+assert "--least FLOAT Distance below which a movement does not count [unit]." in says("measure", "--help")
+assert "| turns of direction | turns, divided by $T$ | nobody |" in tabulate_definitions()
+sway = icmj.measure_sway(series, least=1.0)
+again = pickle.loads(pickle.dumps(sway)).coordinates[1]
+assert again.turns == again.number("turns") == 0.0 and again.measures[-1].settings == dict(least=1.0)
+done = icmj.analyse_recordings(experiment("listed"), ["sway.csv"], "out")
+name = "ap, turns of direction (1/s)"
+part = icmj.measure_sway(series.until(10.0), low_pass=10.0).coordinates[0]
+assert done.found[0].finding.numbers[name] == part.turns > 0, (done.found[0].finding.numbers[name], part.turns)
+assert "turns of direction" in Path("out/report.html").read_text().replace("\\xa0", " ")
+run = icmj.prepare(icmj.load_run("simple-0.8").with_(**{{"simulation.duration": 1.0, "simulation.timestep": None}}))
+many = icmj.simulate_many(run, 17, keep=("sway",), jobs=2)
+assert many["sway.angle.turns"].shape == (17,)
+# the same as one of the user's own: in this process, and in others
+Path("mine.py").write_text({MEASURE_FILE!r}.replace("turns", "bends").replace("standard=True", "standard=False"))
+assert "bends" not in measured()
+assert measured("--measure", "mine:bends", "--allow-code")["bends"] == 1.0
+refuses("mine:bends names Python code, which is not run unasked", "--measure", "mine:bends")
+own = find_measure("mine:bends", Code(Path.cwd(), True))
+found = icmj.measure_sway(series, measures=[own.with_options(least=1.0)])
+again = pickle.loads(pickle.dumps(found)).coordinates[0]
+assert again.bends == 0.0 and again.measures[-1].settings == dict(least=1.0)
+table = 'measures = ["mine:bends"]'
+file = experiment("own", table, noisy, allow_code=True)
+told = [icmj.run_experiment(file, f"own-{{jobs}}", jobs=jobs).found[0].finding.numbers for jobs in (1, 2)]
+name = "cop.x, {{}} of direction (1/s)".format
+assert repr(told[0]) == repr(told[1])
+assert told[0][name("bends")] == told[0][name("turns")] > 0, told[0]
+assert "bends of direction" in Path("own-2/report.html").read_text().replace("\\xa0", " ")
+done = icmj.analyse_recordings(experiment("own", table, allow_code=True), ["sway.csv"])
+assert done.found[0].finding.numbers["ap, bends of direction (1/s)"] == part.turns
+entry = json_schema("experiment")["$defs"]["QuietStandingTable"]["properties"]["measures"]
+assert entry["description"].startswith("Measures of sway beside the standard ones")
+""",
+    SWAYING
+    + f"""
+refuses("least: -1.0; expected at least 0", "--least", "-1")
+refuses("--least: expected a number, got 'much'", "--least", "much")
+refuses("no measure 'turn'; did you mean turns?", "--measure", "turn")
+text = {MEASURE_FILE!r}.replace("turns", "bends")
+for name, old, new, words in (
+    ("plain", "@define_measure(", "@(lambda *given, **more: lambda compute: compute)(", "expected a measure, which"),
+    ("mute", '"bends of direction",', '"",', "its number needs a key such as 'frequency.mean', and words"),
+    ("odd", '"bends",', '"b-ends",', "a measure called 'b-ends'; expected a name such as 'mean_speed'"),
+    ("bare", " = 0.0)", ")", "least must be an option: after *, with a type and a default value"),
+    ("blind", "signal: Signal, *,", "*,", "its function takes the signal first"),
+    ("far", '["coordinate"]', '["space"]', "expected some of 'coordinate', 'plane'"),
+    ("same", '"bends",', '"rms",', "two measures have the name 'rms'"),
+    ("alike", '"bends of direction",', '"mean speed",', "two measures have the words 'mean speed'"),
+    ("fails", "return float(", "return float(1 / 0 + ", "fails:bends fails (ZeroDivisionError"),
+    ("worded", "return float(", 'return str(', "worded:bends fails (ValueError"),
+    ("none", "import numpy", "import nunpy", "none:bends: importing it fails (ModuleNotFoundError"),
+):
+    if name == "worded":
+        source = text.replace("    return float(", "    return 'x' + str(")
+    else:
+        assert old in text, old
+        source = text.replace(old, new, 1)
+    Path(f"{{name}}.py").write_text(source)
+    refuses(words, "--measure", f"{{name}}:bends", "--allow-code")
+for table, words in (
+    ('measures = ["turn"]', "no measure 'turn'; did you mean turns?"),
+    ('measures = ["mute:bends"]', "mute:bends: importing it: measure bends: its number needs a key"),
+    ('measures = [1]', "measures"),
+):
+    try:
+        experiment("wrong", table, allow_code=True)
+    except IcmjError as error:
+        assert words in str(error) and "\\n" not in str(error), error
+    else:
+        raise AssertionError(table)
+file = experiment("broken", 'measures = ["fails:bends"]', allow_code=True)
+try:
+    icmj.analyse_recordings(file, ["sway.csv"])
+except IcmjError as error:
+    assert str(error).startswith("fails:bends fails (ZeroDivisionError") and "\\n" not in str(error), error
+else:
+    raise AssertionError(file)
+""",
+    SWAYING
+    + """
+gone = sys.argv[1]
+assert gone not in MEASURES.names and len(MEASURES.names) == 9
+says("measure", "--help")
+refuses(f"no measure '{gone}'", "--measure", gone)
+sway = icmj.measure_sway(series)
+assert len(sway.coordinates[0].numbers) == len(numbers_of()) > 10 and "ap" in says("measure", "sway.csv")
+assert set(measured()) - {"name", "unit"} == set(sway.coordinates[0].values)
+sway.card()
+done = icmj.analyse_recordings(experiment("rest"), ["sway.csv"], f"out-{gone}")
+numbers = done.found[0].finding.numbers
+assert [name for name in numbers if name.startswith("ap, ")][-1] == "ap, share of trials of several modes"
+assert len(numbers) == 2 * (len(numbers_of()) + 1) and "ap has" in done.found[0].words
+from icmj.fitting.recordings import summarise
+walk = np.cumsum(np.random.default_rng(1).standard_normal(4000)) * 1e-4
+from matplotlib.figure import Figure
+needed = {"root_mean_square", "mean_speed", "power_distribution", "stabilogram"}
+try:
+    assert np.isfinite(summarise(walk)).all() and gone not in needed
+except IcmjError as error:
+    assert gone in needed and "there is no measure" in str(error) and "\\n" not in str(error), error
+for draw, lost in (("sway_path", None), ("sway_diffusion", "stabilogram"), ("sway_spectrum", None)):
+    try:
+        getattr(icmj.plots, draw)(Figure().subplots(), sway)
+        assert gone != lost
+    except IcmjError as error:
+        assert gone == lost and "\\n" not in str(error), error
+from icmj.report.noise_table import noise  # noqa: F401
+from icmj.study.fit_page import write_fit  # noqa: F401
+""",
+    alone=True,
+)
 SHELVES = {
     "formats of recordings": FORMATS, "shapes": SHAPES, "event rules": RULES, "controllers": CONTROLLERS,
-    "kinds of experiments": KINDS,
+    "kinds of experiments": KINDS, "measures of sway": MEASURES,
 }  # fmt: skip
 
 

@@ -11,9 +11,10 @@ The arguments of the command that fits families of controllers to recordings.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, make_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_type_hints
 
 from icmj.base.files import is_file_name
 from icmj.errors import IcmjError
@@ -38,6 +39,7 @@ class Given:
         metavar: placeholder of a value in the help.
         name: of the option, where it is not that of the field.
         short: a second name of the option.
+        meaning: what it is, where no docstring stands under the field.
         writes: what the path of something that is written may end in: of a file the usual ending first, of a folder
             none; ``None`` where nothing is written.
     """
@@ -47,6 +49,7 @@ class Given:
     metavar: str = ""
     name: str = ""
     short: str = ""
+    meaning: str = ""
     writes: tuple[str, ...] | None = None
 
 
@@ -83,6 +86,17 @@ class Command:
     """Print results and errors only, without progress and notes."""
     verbose: Annotated[bool, Given(short="-v")] = False
     """Log every step to standard error, with the time."""
+
+    @classmethod
+    def complete(cls) -> type[Command]:
+        """The command with the options that it takes of a list; most take none."""
+        return cls
+
+    @classmethod
+    def extend(cls, options: Iterable[tuple[str, Any, str]]) -> type[Command]:
+        """The command with further options, each with name, type and meaning, and ``None`` where it is not given."""
+        new = [(name, Annotated[kind | None, Given(meaning=meaning)], None) for name, kind, meaning in options]
+        return make_dataclass(cls.__name__, new, bases=(cls,), frozen=True, namespace={"__doc__": cls.__doc__})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -230,8 +244,10 @@ class MeasureCommand(Command):
     """Time up to which they are measured [s]."""
     low_pass: float | None = None
     """Corner frequency of a low-pass filter applied before all measures [Hz]."""
-    band: tuple[float, float] | None = None
-    """Lowest and highest frequency of the spectral measures [Hz] (default: all frequencies)."""
+    measure: Annotated[tuple[str, ...], Given(metavar="NAME")] = ()
+    """Measures beside the standard ones: the module:name of your own, or the name of one that is not standard."""
+    allow_code: bool = False
+    """Run Python code that --measure names as module:name. Read the code first."""
     torque: str | None = None
     """Column of the ankle torque, from which the centre of pressure is computed."""
     weight: float | None = None
@@ -240,6 +256,13 @@ class MeasureCommand(Command):
     """Unit of the columns that do not state one, such as mm, or "N mm" for --torque."""
     json: bool = False
     """Print JSON, in the units of the file, instead of a table."""
+
+    @classmethod
+    def complete(cls) -> type[Command]:
+        """With the options of the measures."""
+        from icmj.measurement.measures import list_options
+
+        return cls.extend([(one.name, one.kind, one.meaning) for one in list_options().values()])
 
 
 @dataclass(frozen=True)

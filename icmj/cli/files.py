@@ -343,7 +343,13 @@ def measure(command: arguments.MeasureCommand) -> None:
 
 def _measure(path: Path, command: arguments.MeasureCommand) -> tuple[Sway, tuple[str, ...]]:
     from icmj.errors import DataError
+    from icmj.measurement.measures import find_measure, list_options
     from icmj.measurement.sway import from_torque, measure_sway
+    from icmj.work.own_code import Code
+
+    further = [find_measure(name, Code(Path.cwd(), command.allow_code)) for name in command.measure]
+    given = {name: getattr(command, name) for name in list_options()}
+    options: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
 
     with Working(f"measuring {path.name}", ERR):
         series, notes = _signals(path, command)
@@ -358,8 +364,7 @@ def _measure(path: Path, command: arguments.MeasureCommand) -> tuple[Sway, tuple
             some = ", ".join(series.names[:4])
             raise DataError(f"{path}: {len(series.names)} signals ({some}, ...); name up to {MOST} by --columns")
         try:
-            options: dict[str, Any] = {} if command.band is None else {"band": command.band}
-            sway = measure_sway(series, low_pass=command.low_pass, **options)
+            sway = measure_sway(series, low_pass=command.low_pass, measures=further, **options)
         except DataError as error:
             raise DataError(f"{path}: {error}") from error
     return sway, (*notes, *sway.series.remarks)

@@ -220,7 +220,8 @@ def parse(words: list[str]) -> Command:
         raise IcmjError(f"no command {name!r}{hint}; see icmj --help")
     parser = _Parser(f"icmj {name}", **_STYLE)
     helped = any(word == "--help" or (word[:1] == "-" != word[1:2] and "h" in word) for word in rest)
-    options = ["--help", *_fill(parser, COMMANDS[name], helped)]
+    cls = COMMANDS[name].complete()
+    options = ["--help", *_fill(parser, cls, helped)]
 
     def refuse(option: str) -> NoReturn:
         raise IcmjError(f"{name} has no option {_near(option, options)}; see icmj {name} --help")
@@ -239,7 +240,7 @@ def parse(words: list[str]) -> Command:
     if more:
         parser.error(f"one argument too many, {one_line(more[0], 80)}")
     values = {key: tuple(each) if isinstance(each, list) else each for key, each in vars(found).items()}
-    command: Callable[..., Command] = COMMANDS[name]
+    command: Callable[..., Command] = cls
     return command(**values)
 
 
@@ -264,7 +265,9 @@ def _fill(parser: argparse.ArgumentParser, cls: type[Command], helped: bool, fil
     )
     meanings: dict[str, str] = {}
     for owner in cls.__mro__[-2::-1] if helped else ():
-        meanings |= attribute_docstrings(owner)
+        meanings |= (
+            attribute_docstrings(owner) if vars(sys.modules[owner.__module__]).get(owner.__name__) is owner else {}
+        )
     general = parser.add_argument_group("general options")
     names = []
     for field, hint in get_type_hints(cls, include_extras=True).items():
@@ -273,7 +276,7 @@ def _fill(parser: argparse.ArgumentParser, cls: type[Command], helped: bool, fil
         default = cls.__dataclass_fields__[field].default
         how = _of_kind(kind, given)
         note = "required" if default is MISSING else f"default: {default}"
-        meaning = meanings.get(field, "") + ("" if default in (None, False, ()) else f" ({note})")
+        meaning = (given.meaning or meanings.get(field, "")) + ("" if default in (None, False, ()) else f" ({note})")
         how["help"] = meaning.replace("%", "%%")
         if given.positional:
             if default is not MISSING:
@@ -354,7 +357,7 @@ def completion(shell: str) -> str:
     parser = _Parser("icmj", **_STYLE)
     commands = parser.add_subparsers()
     for name, cls in COMMANDS.items():
-        _fill(commands.add_parser(name, help=_purpose(cls), **_STYLE), cls, True, shtab.FILE)
+        _fill(commands.add_parser(name, help=_purpose(cls), **_STYLE), cls.complete(), True, shtab.FILE)
     return str(shtab.complete(parser, shell))
 
 

@@ -16,6 +16,8 @@ from icmj.measurement.measures import numbers_of
 from icmj.measurement.statistics import FEWEST, Modality, modality
 from icmj.measurement.sway import sway_numbers
 
+SHARE = ", share of trials of several modes"
+"""What a number of each signal is called, after the name of the signal."""
 SURE = 0.01  # a p that says so: of flat distributions more than that are as small
 YOUNG_PEOPLE: Mapping[str, tuple[float, float]] = {
     "rms": (4.738e-3, 1.61e-3),
@@ -65,7 +67,7 @@ class Standing:
     def numbers(self) -> Mapping[str, float]:
         found = {name: float(_known(values).mean()) for name, values in self._named().items()}
         shares = zip(self.names, self.several, strict=True)
-        found |= {f"{name}, share of trials of several modes": float(share) for name, share in shares}
+        found |= {f"{name}{SHARE}": float(share) for name, share in shares}
         if len(self.intervals) > 1:
             found["interval, mean (s)"] = float(self.intervals.mean())
             found["interval, deviation (s)"] = float(self.intervals.std(ddof=1))
@@ -91,11 +93,10 @@ class Standing:
         count = len(self.unimodal)
         said = []
         for name, unit, share in zip(self.names, self.units, self.several, strict=True):
-            rms, (factor, shown) = self.measures[f"{name}.rms"], readable(unit)
-            spread = f" ± {factor * rms.std(ddof=1):.2g}" if count > 1 else ""
+            size = self._size(name, unit)
             modes = "several modes" if count > 1 or share > 0 else "one mode"
             trials = f" in {round(share * count)} of {count} trials" if count > 1 else ""
-            said.append(f"{name} has an RMS of {factor * rms.mean():.3g}{spread} {shown}, and {modes}{trials}")
+            said.append(f"{name} has {size}{modes}{trials}")
         if len(self.intervals) > 1:
             modes = ""
             if self.interval_modes is not None:
@@ -107,6 +108,14 @@ class Standing:
             short = int(missing[some].any(axis=0).sum())
             said.append(f"some measures are of fewer trials, as {short} of {count} are too short for them")
         return f"{'; '.join(said)}."
+
+    def _size(self, name: str, unit: str) -> str:
+        """The RMS of a signal, in words; nothing where it was not measured."""
+        if (rms := self.measures.get(f"{name}.rms")) is None:
+            return ""
+        factor, shown = readable(unit)
+        spread = f" ± {factor * rms.std(ddof=1):.2g}" if len(rms) > 1 else ""
+        return f"an RMS of {factor * rms.mean():.3g}{spread} {shown}, and "
 
     def _named(self) -> dict[str, Array]:
         """The measures with readable names and units."""

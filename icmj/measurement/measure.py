@@ -139,6 +139,13 @@ class Option:
     default: Any
     meaning: str
 
+    @property
+    def kind(self) -> Any:
+        """The type, without bounds."""
+        if get_origin(self.hint) is tuple:
+            return tuple[tuple(replace(self, hint=hint).kind for hint in get_args(self.hint))]  # type: ignore[misc]
+        return get_args(self.hint)[0] if get_origin(self.hint) is Annotated else self.hint
+
     def check(self, value: Any) -> Any:
         """The value, if it is of the type and within the bounds.
 
@@ -150,7 +157,7 @@ class Option:
             if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != len(each):
                 raise DataError(f"{self.name}: expected {len(each)} values, got {one_line(repr(value), 80)}")
             return tuple(replace(self, hint=hint).check(one) for hint, one in zip(each, value, strict=True))
-        kind, *notes = get_args(self.hint) if get_origin(self.hint) is Annotated else (self.hint,)
+        kind, notes = self.kind, getattr(self.hint, "__metadata__", ())
         number = kind in (int, float)
         if not isinstance(value, int | float if kind is float else kind) or (number and isinstance(value, bool)):
             raise DataError(f"{self.name}: expected {kind.__name__}, got {one_line(repr(value), 80)}")

@@ -30,7 +30,8 @@ def draw_path(axes: Axes, sway: Sway) -> None:
     if plane is None:
         raise ReportError("a path needs two signals of the same unit; measure two")
     axes.plot(*sway.series.values.T, color="#56b4e9", linewidth=0.6, label="path")
-    axes.plot(*plane.ellipse.outline().T, color="#222222", linewidth=1.0, label="95 % prediction ellipse")
+    if "ellipse" in plane.values:
+        axes.plot(*plane.ellipse.outline().T, color="#222222", linewidth=1.0, label="95 % prediction ellipse")
     axes.set_aspect("equal")
     axes.set(
         **{f"{axis}label": _label(style.words(name), plane.unit) for axis, name in zip("xy", plane.names, strict=True)}
@@ -38,7 +39,13 @@ def draw_path(axes: Axes, sway: Sway) -> None:
 
 
 def draw_diffusion(axes: Axes, sway: Sway) -> None:
-    """Mean square displacement against time on logarithmic axes, with both exponents H, of each coordinate."""
+    """Mean square displacement against time on logarithmic axes, with both exponents H, of each coordinate.
+
+    Raises:
+        ReportError: if it was not measured.
+    """
+    if any("diffusion" not in c.values for c in sway.coordinates):
+        raise ReportError("stabilogram diffusion was not measured")
     named: list[tuple[str, Any]] = [(c.name, c.diffusion) for c in sway.coordinates]
     if sway.plane is not None:
         named.append(("plane", sway.plane.diffusion))
@@ -67,8 +74,8 @@ def draw_spectra(axes: Axes, sway: Sway) -> None:
     drawn = found.frequency > 0
     for c, power, colour in zip(sway.coordinates, found.power.T, _colours(len(sway.coordinates)), strict=True):
         axes.loglog(found.frequency[drawn], power[drawn], color=colour, linewidth=1.2, label=style.words(c.name))
-        if np.isfinite(c.frequencies.median):
-            axes.axvline(c.frequencies.median, color=colour, linewidth=0.8, linestyle=(0, (1, 1.6)))
+        if np.isfinite(median := c.number("frequency.median")):
+            axes.axvline(median, color=colour, linewidth=0.8, linestyle=(0, (1, 1.6)))
     largest = float(found.power[drawn].max(initial=0.0))
     if largest > 0:
         axes.set_ylim(bottom=LOWEST_POWER * largest)

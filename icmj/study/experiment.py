@@ -123,11 +123,10 @@ def fingerprint(file: ExperimentFile) -> str:
 
 
 def _own_sources(file: ExperimentFile) -> dict[str, Any]:
-    """Digests of the code of a kind of the user's own."""
-    if ":" not in file.kind:
-        return {}
-    code = Code(file.path.parent, allowed=True)
-    return {"code": [code.digest(file.kind), *(digest_of(path) for path in code.sources(file.kind))]}
+    """Digests of the user's own code, of a kind or of what its keys name."""
+    own, code = [name for name in (file.kind, *file.settings.references) if ":" in name], Code(file.path.parent, True)
+    digests_of = [[code.digest(name), *(digest_of(path) for path in code.sources(name))] for name in own]
+    return {"code": [one for each in digests_of for one in each]} if own else {}
 
 
 def has_trial(path: Path, name: str, index: int) -> bool:

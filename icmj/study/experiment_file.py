@@ -93,6 +93,10 @@ class ExperimentFile(FileOfRuns):
             if not own:
                 raise
             raise RunFileError(f"{path}: {next(iter(own))} fails ({one_line(repr(error), 200)})") from error
+        try:
+            made.settings.find_code(code)
+        except IcmjError as error:
+            raise RunFileError(f"{path}: {made.kind}: {error}") from error
         made._runs = tuple(
             made._run(case.run, case.set, f"case[{i}].set", allow_code) for i, case in enumerate(made.case)
         )

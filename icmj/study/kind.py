@@ -115,6 +115,18 @@ class Kind(TomlTable, ABC):
         A key of the table that has no effect on recordings is one of the stimulus, or is refused.
         """
 
+    @property
+    def references(self) -> tuple[str, ...]:
+        """Code of the user's own that its keys name, as ``module:name``."""
+        return ()
+
+    def find_code(self, code: Code) -> None:
+        """Find what its keys name, once, when the file is read.
+
+        Raises:
+            IcmjError: if it is not there, or may not be run.
+        """
+
     def stated(self, key: str) -> Any:
         """The value of a key that the file states; ``None`` of one that it leaves out.
 

@@ -12,7 +12,7 @@ from icmj.cli.printing import _rows, record
 from icmj.experiments.quiet_standing import quiet_standing
 from icmj.experiments.recording import Recording
 from icmj.fitting.recordings import MEASURE_UNITS, measures, summarise
-from icmj.measurement.measures import numbers_of
+from icmj.measurement.measures import numbers_of, tabulate_definitions
 from icmj.measurement.sway import Sway, measure_sway, sway_numbers
 from icmj.series.series import Series
 
@@ -82,6 +82,8 @@ def test_batches_experiments_and_fits_take_their_measures_from_the_list(sway: Sw
 
 
 def test_every_label_is_in_the_documentation(sway: Sway, root: Path) -> None:
-    page = (root / "docs" / "measures.md").read_text(encoding="utf-8").lower().replace("$", "")
+    page = (root / "docs" / "measures.md").read_text(encoding="utf-8")
+    assert "```{measures}" in page
+    page = "\n".join([page, *tabulate_definitions()]).lower().replace("$", "")
     for measure in (*numbers_of(), *numbers_of("plane")):
         assert measure.words.split(",")[0].lower() in page, f"{measure.words!r} is not in docs/measures.md"

@@ -104,7 +104,9 @@ OTHER: dict[str, dict[str, Any]] = {
         "duration": 25.0, "settle": 8.0, "rate": 50.0, "window": 4.0, "low": 0.8, "high": 6.0, "axis": "y",
         "height": 0.9, "angle": "lean", "force": ["other.x", "force.z"], "cop": "cop.y",
     },
-    "quiet_standing": {"duration": 25.0, "settle": 8.0, "rate": 50.0, "low_pass": 5.0, "columns": ["ml"]},
+    "quiet_standing": {"duration": 25.0, "settle": 8.0, "rate": 50.0, "low_pass": 5.0, "columns": ["ml"],
+        "measures": ["nothing"],
+    },
     "multisine": {
         "period": 1.0, "lines": [0.5, 1.0], "periods": 5, "settle": 4, "rate": 50.0, "response": "body2",
         "stimulus": "stimulus2",
@@ -116,6 +118,7 @@ OTHER: dict[str, dict[str, Any]] = {
     "double_step": {"rate": 50.0, "latest": 0.25, "shortest": 0.2, "control": "control2", "target": "target2"},
 }  # fmt: skip
 REFUSED = {
+    ("quiet_standing", "measures"): "no measure 'nothing'",
     ("multisine", "period"): "lines: 0.5 Hz is no whole multiple of 1 / period",
     ("multisine", "lines"): "off the lines",
     ("perturbed_stance", "interval"): "off the lines",

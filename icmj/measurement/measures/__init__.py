@@ -50,7 +50,15 @@ def list_options() -> Mapping[str, Option]:
 
 def numbers_of(of: Of = "coordinate", further: Iterable[Measure] = ()) -> tuple[Number, ...]:
     """The numbers that the standard measures and ``further`` ones have of a coordinate, or of a plane."""
-    return tuple(number for one in (*standard_measures(), *further) if of in one.of for number in one.numbers)
+    every = dict.fromkeys((*standard_measures(), *further))
+    return tuple(number for one in every if of in one.of for number in one.numbers)
+
+
+def tabulate_definitions() -> list[str]:
+    """The lines of a table, in Markdown, of what all measures are."""
+    rows = [one for measure in MEASURES.collect("MEASURE") for one in measure.definitions]
+    head = ["| measure | definition | source |", "| --- | --- | --- |"]
+    return [*head, *(f"| {one.title} | {one.text} | {one.source} |" for one in rows)]
 
 
 def find_measure(name: str, code: Code | None = None) -> Measure:
@@ -66,7 +74,8 @@ def find_measure(name: str, code: Code | None = None) -> Measure:
             raise RunFileError(f"{name}: expected a measure, which icmj.measurement.define_measure makes of a function")
         return found
     if name not in (known := MEASURES.names):
-        raise DataError(f"no measure {one_line(name, 80)!r}{did_you_mean(name, known)}; there are {', '.join(known)}")
+        hint = did_you_mean(name, known) or f"; there are {', '.join(known)}"
+        raise DataError(f"no measure {one_line(name, 80)!r}{hint}")
     measure: Measure = MEASURES[name].MEASURE
     return measure
 
@@ -84,10 +93,10 @@ def choose_measures(further: Iterable[Measure | str], options: Mapping[str, Any]
             raise DataError(f"{one!r}: expected a measure, or the name of one")
         if one not in found:
             found.append(one)
-    for what in ("name", "key"):
+    for what in ("name", "key", "words"):
         names = [getattr(x, what) for one in found for x in ([one] if what == "name" else one.numbers)]
         if twice := [name for i, name in enumerate(names) if name in names[:i]]:
-            raise DataError(f"two measures of the {what} {twice[0]!r}")
+            raise DataError(f"two measures have the {what} {twice[0]!r}; call one otherwise")
     for name in options:
         if not any(name in one.options for one in found):
             known = [each for one in found for each in one.options]

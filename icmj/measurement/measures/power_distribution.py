@@ -108,7 +108,7 @@ def of_signal(signal: Signal, *, band: tuple[float, float] = (0.0, np.inf)) -> F
 
     Args:
         signal: a coordinate or a plane.
-        band: lowest and highest frequency of the spectral measures [Hz].
+        band: lowest and highest frequency of the spectral measures [Hz] (default: all frequencies).
     """
     if not 0 <= band[0] < band[1]:
         raise DataError(f"a band of {band[0]:g} to {band[1]:g} Hz; expected two rising numbers from 0 on")

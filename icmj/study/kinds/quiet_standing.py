@@ -6,15 +6,16 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PrivateAttr, SerializerFunctionWrapHandler, model_serializer
 
 from icmj.base.array import NonNegative, Positive
 from icmj.case.case import Case, PlantKind
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import ground_force
-from icmj.experiments.quiet_standing import YOUNG_PEOPLE, Standing, quiet_standing
+from icmj.experiments.quiet_standing import SHARE, YOUNG_PEOPLE, Standing, quiet_standing
 from icmj.experiments.recording import Recording
-from icmj.measurement.measures import numbers_of
+from icmj.measurement.measure import Measure
+from icmj.measurement.measures import find_measure, numbers_of
 from icmj.report import style
 from icmj.report.experiment import Norms, Row
 from icmj.report.findings import LINE, ShownResult, assign_colours, under_legend
@@ -23,6 +24,7 @@ from icmj.series.even_rows import even_series
 from icmj.series.series import Series
 from icmj.simulation.simulation import Simulation
 from icmj.study.kind import CaseResult, Kind, Names, Rate, Word, cut_recording, sample_rows, set_duration
+from icmj.work.own_code import Code
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,6 +54,23 @@ class QuietStandingTable(Kind):
     """Cut-off frequency of the filter that is applied before all measures [Hz]."""
     columns: Annotated[list[Word], Field(max_length=2)] = []
     """Signals that are measured (default: the centre of pressure, forwards; without a model, the outputs)."""
+    measures: Annotated[list[Word], Field(max_length=100)] = []
+    """Measures of sway beside the standard ones: the ``module:name`` of your own, or the name of one that is not
+    standard."""
+
+    _further: tuple[Measure, ...] = PrivateAttr(default=())
+
+    @model_serializer(mode="wrap")
+    def _leave_out_no_measures(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """What made the trials of older folders had no such key."""
+        return {key: value for key, value in write(self).items() if key != "measures" or value}
+
+    @property
+    def references(self) -> tuple[str, ...]:
+        return tuple(name for name in self.measures if ":" in name)
+
+    def find_code(self, code: Code) -> None:
+        self._further = tuple(find_measure(name, code) for name in self.measures)
 
     @classmethod
     def first_values(cls, names: Names, shipped: bool) -> dict[str, Any]:
@@ -85,7 +104,7 @@ class QuietStandingTable(Kind):
     def analyse(
         self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
     ) -> Standing:
-        return quiet_standing(recordings, low_pass=self.low_pass)
+        return quiet_standing(recordings, low_pass=self.low_pass, measures=self._further)
 
     def draw(self, found: Sequence[CaseResult]) -> Figure:
         return draw_distributions(found)
@@ -133,7 +152,7 @@ class QuietStandingTable(Kind):
 
 def measured_signals(names: Sequence[str]) -> list[str]:
     """The signals of which there are measures, by the names of these."""
-    return [name.partition(", RMS")[0] for name in names if ", RMS" in name]
+    return [name.removesuffix(SHARE) for name in names if name.endswith(SHARE)]
 
 
 def draw_distributions(found: Sequence[ShownResult]) -> Figure:
