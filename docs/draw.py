@@ -32,6 +32,7 @@ MANIFEST = SHOWN / "manifest.json"
 sys.path[:0] = [str(ROOT), str(DOCS), str(DOCS / "_ext")]
 
 import concept  # noqa: E402
+import moving  # noqa: E402
 from figure_style import figure_style  # noqa: E402
 
 import icmj  # noqa: E402
@@ -323,6 +324,13 @@ def _log(work: Path) -> Path:
     return work / "three-link-0.9.mujoco.rrd"
 
 
+def _moving(still: bool) -> Picture:
+    return Picture(
+        lambda to: moving.draw_moving(_log(WORK), to, still),
+        ("docs/moving.py", "runs/three-link-0.9.toml", "models/three_link.xml"),
+    )
+
+
 def _branch_log(work: Path) -> Path:
     icmj_command("continue", "three-link-1.1", "--parameter", "b", "--to", "2.5", "--out", str(work), "-q")
     return work / "three-link-1.1.b.mujoco.rrd"
@@ -340,6 +348,8 @@ PICTURES: dict[str, Picture] = {
     "concept-dark.svg": _concept(concept.DARK, False),
     "concept-narrow-light.svg": _concept(concept.LIGHT, True),
     "concept-narrow-dark.svg": _concept(concept.DARK, True),
+    "moving.gif": _moving(still=False),
+    "moving-still.png": _moving(still=True),
     "cycle.png": Picture(
         draw_cycle,
         ("runs/three-link-0.9.toml", "models/three_link.xml", "icmj/report/panels.py", "icmj/report/style.py"),

@@ -26,7 +26,9 @@ def drawing(root: Path) -> ModuleType:
 
 def test_what_is_shown_is_drawn_by_the_script_and_nothing_else(drawing, root):
     pages = [root / "README.md", root / "paper" / "paper.md", *(root / "docs").glob("*.md")]
-    shown = {name for page in pages for name in re.findall(r"pictures/([\w.-]+\.(?:png|svg))", page.read_text("utf-8"))}
+    shown = {
+        name for page in pages for name in re.findall(r"pictures/([\w.-]+\.(?:png|svg|gif))", page.read_text("utf-8"))
+    }
     there = {path.name for path in (root / "docs" / "pictures").iterdir()} - {"manifest.json"}
     assert shown == there == set(drawing.PICTURES) == set(drawing.manifest())
 
