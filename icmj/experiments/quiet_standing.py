@@ -16,8 +16,6 @@ from icmj.measurement.measures import numbers_of
 from icmj.measurement.statistics import FEWEST, Modality, modality
 from icmj.measurement.sway import sway_numbers
 
-SHARE = ", share of trials of several modes"
-"""What a number of each signal is called, after the name of the signal."""
 SURE = 0.01  # a p that says so: of flat distributions more than that are as small
 YOUNG_PEOPLE: Mapping[str, tuple[float, float]] = {
     "rms": (4.738e-3, 1.61e-3),
@@ -67,7 +65,7 @@ class Standing:
     def numbers(self) -> Mapping[str, float]:
         found = {name: float(_known(values).mean()) for name, values in self._named().items()}
         shares = zip(self.names, self.several, strict=True)
-        found |= {f"{name}{SHARE}": float(share) for name, share in shares}
+        found |= {f"{name}, share of trials of several modes": float(share) for name, share in shares}
         if len(self.intervals) > 1:
             found["interval, mean (s)"] = float(self.intervals.mean())
             found["interval, deviation (s)"] = float(self.intervals.std(ddof=1))

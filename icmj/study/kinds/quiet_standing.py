@@ -12,7 +12,7 @@ from icmj.base.array import NonNegative, Positive
 from icmj.case.case import Case, PlantKind
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import ground_force
-from icmj.experiments.quiet_standing import SHARE, YOUNG_PEOPLE, Standing, quiet_standing
+from icmj.experiments.quiet_standing import YOUNG_PEOPLE, Standing, quiet_standing
 from icmj.experiments.recording import Recording
 from icmj.measurement.measure import Measure
 from icmj.measurement.measures import find_measure, numbers_of
@@ -152,7 +152,9 @@ class QuietStandingTable(Kind):
 
 def measured_signals(names: Sequence[str]) -> list[str]:
     """The signals of which there are measures, by the names of these."""
-    return [name.removesuffix(SHARE) for name in names if name.endswith(SHARE)]
+    bare = [name.partition(" (")[0] for name in names if not name.startswith("interval, ")]
+    ends = [f", {number.words}" for number in numbers_of()]
+    return list(dict.fromkeys(name.removesuffix(end) for name in bare for end in ends if name.endswith(end)))
 
 
 def draw_distributions(found: Sequence[ShownResult]) -> Figure:
