@@ -33,6 +33,7 @@ PAGES = ["README.md", "paper/paper.md", *sorted(f"docs/{path.name}" for path in 
 REPORT = [
     *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "icmj/report/templates").glob("*.j2")),
     *(f"icmj/report/{name}.py" for name in ("sections", "summary", "noise_table", "overview", "wording")),
+    *(f"icmj/report/{name}.py" for name in ("judgement", "designs", "run_settings")),
     *(f"icmj/report/{name}.py" for name in ("statements", "experiment", "findings")),
     "icmj/study/fit_page.py",
     *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "icmj/study/kinds").glob("*.py")),

@@ -17,6 +17,7 @@ from icmj.case.result import Result, has_prediction
 from icmj.case.sweep_table import SweepTable
 from icmj.errors import ReportError
 from icmj.report import many_runs, sections, style
+from icmj.report.case_runs import CaseRuns, pair
 from icmj.report.drawing import Drawing, draw_case, law_of, noise_of, panels_of, picture, save
 from icmj.report.notation import SYMBOLS, notation, unbroken
 from icmj.report.overview import overview_figure
@@ -24,7 +25,7 @@ from icmj.report.player import join_scripts, moving, script
 from icmj.report.rivals import Rival, paths_figure, rivals, spectra_figure
 from icmj.report.sections import DrawnPanel, Picture, Section, count_figures
 from icmj.report.statements import in_paper_order
-from icmj.report.wording import CaseRuns, describe_sway, pair
+from icmj.report.wording import describe_sway
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -19,8 +19,8 @@ import numpy as np
 from icmj.base.text import one_line
 from icmj.errors import ReportError
 from icmj.report import style
+from icmj.report.case_runs import CaseRuns
 from icmj.report.sections import Picture
-from icmj.report.wording import CaseRuns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

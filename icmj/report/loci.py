@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from icmj.plant.linear_plant import LinearPlant
 from icmj.report import style
-from icmj.report.wording import CaseRuns, Panel
+from icmj.report.case_runs import CaseRuns
+from icmj.report.panel import Panel
 from icmj.theory.error_system import error_system
 from icmj.theory.locus import Locus, locus
 

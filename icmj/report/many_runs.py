@@ -13,9 +13,11 @@ from icmj.case.result import Attractor
 from icmj.case.sweep_table import SweepTable
 from icmj.cycle.branch import Branch
 from icmj.report.branch import parameter_in_words
+from icmj.report.case_runs import CaseRuns
+from icmj.report.judgement import judge_attractor
+from icmj.report.section import Picture, Section
 from icmj.report.sections import motion
 from icmj.report.style import NAME
-from icmj.report.wording import CaseRuns, Picture, Section, judge_attractor
 
 _KINDS = {
     "too short": "too short to settle",

@@ -9,7 +9,7 @@ import numpy as np
 from icmj.base.array import between
 from icmj.case.quantity import quantities
 from icmj.report import style
-from icmj.report.wording import CaseRuns
+from icmj.report.case_runs import CaseRuns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,9 +12,10 @@ from icmj.case.quantity import in_unit, quantities
 from icmj.experiments.quiet_standing import YOUNG_PEOPLE
 from icmj.measurement.measures import numbers_of
 from icmj.measurement.statistics import Estimate
+from icmj.report.case_runs import CaseRuns
+from icmj.report.section import Picture, Section
 from icmj.report.style import NAME
 from icmj.report.summary import _cycle_sentence
-from icmj.report.wording import CaseRuns, Picture, Section
 
 
 def noise(

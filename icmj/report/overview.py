@@ -10,8 +10,9 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.report import style
+from icmj.report.case_runs import CaseRuns
+from icmj.report.judgement import judge_run
 from icmj.report.notation import unbroken
-from icmj.report.wording import CaseRuns, judge_run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

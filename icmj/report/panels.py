@@ -27,8 +27,9 @@ from icmj.case.noise import spread_about
 from icmj.case.quantity import Quantity, quantities
 from icmj.errors import IcmjError, ReportError
 from icmj.report import style
+from icmj.report.case_runs import CaseRuns, compares, shown_interval
 from icmj.report.loci import LOCUS, MODULUS
-from icmj.report.wording import CaseRuns, Panel, compares, shown_interval
+from icmj.report.panel import Panel
 from icmj.simulation.pressure import Pressure
 from icmj.simulation.simulation import Simulation
 from icmj.theory.orbit import Orbit

@@ -30,6 +30,7 @@ from icmj.experiments.reconstruction import Reconstruction
 from icmj.experiments.refractoriness import Refractoriness
 from icmj.measurement.sway import Sway
 from icmj.report import law_figure, loci, noise_figures
+from icmj.report.case_runs import CaseRuns, pair
 from icmj.report.findings import draw_reactions, draw_reconstruction
 from icmj.report.maps import draw_basins, draw_curve, draw_validity
 from icmj.report.panels import (
@@ -49,7 +50,6 @@ from icmj.report.panels import (
 )
 from icmj.report.style import Journal, journal
 from icmj.report.sway_figures import draw_diffusion, draw_path, draw_spectra
-from icmj.report.wording import CaseRuns, pair
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

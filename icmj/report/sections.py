@@ -19,22 +19,24 @@ from icmj.case.quantity import in_unit, quantities, threshold_unit
 from icmj.case.result import Attractor, Result
 from icmj.measurement.sway import BEST_KNOWN
 from icmj.plant.person import Person
+from icmj.report.case_runs import CaseRuns
+from icmj.report.designs import designs as designs
+from icmj.report.designs import matrix as matrix
+from icmj.report.judgement import verdicts
 from icmj.report.noise_table import noise as noise
 from icmj.report.rivals import Rival, kind_in_words
+from icmj.report.run_settings import rule_fact as rule_fact
+from icmj.report.run_settings import settings as settings
+from icmj.report.section import DrawnPanel as DrawnPanel
+from icmj.report.section import Picture as Picture
+from icmj.report.section import Section as Section
 from icmj.report.statements import statements as statements
 from icmj.report.style import NAME
 from icmj.report.summary import abstract as abstract
 from icmj.report.summary import agrees_with_paper as agrees_with_paper
 from icmj.report.summary import is_noisy
 from icmj.report.summary import summary as summary
-from icmj.report.wording import CaseRuns, describe_sway, notice_in_words, verdicts
-from icmj.report.wording import DrawnPanel as DrawnPanel
-from icmj.report.wording import Picture as Picture
-from icmj.report.wording import Section as Section
-from icmj.report.wording import designs as designs
-from icmj.report.wording import matrix as matrix
-from icmj.report.wording import rule_fact as rule_fact
-from icmj.report.wording import settings as settings
+from icmj.report.wording import describe_sway, notice_in_words
 from icmj.runfile.schema import RunFile
 
 _RIVALS = (

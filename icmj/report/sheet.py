@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from icmj.report import loci, panels, style
+from icmj.report.case_runs import CaseRuns
 from icmj.report.panels import draw_phase
 from icmj.report.style import Journal
-from icmj.report.wording import CaseRuns
 
 MOST = 4  # outputs in panel (c)
 

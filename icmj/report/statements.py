@@ -14,8 +14,10 @@ import numpy as np
 from icmj.base.numbers import eigenvalue, error, number
 from icmj.case.comparison import halves
 from icmj.plant.linear_plant import transformation
+from icmj.report.case_runs import CaseRuns
+from icmj.report.judgement import verdicts
+from icmj.report.section import Section
 from icmj.report.style import NAME
-from icmj.report.wording import CaseRuns, Section, verdicts
 
 Verdict = Literal["reproduced", "reproduced with a reservation", "not reproduced"]
 

@@ -8,9 +8,12 @@ from typing import Any, get_args
 from icmj.base import numbers
 from icmj.base.numbers import count
 from icmj.case.comparison import Comparison
+from icmj.report.case_runs import CaseRuns
+from icmj.report.judgement import judge_run, verdicts
+from icmj.report.section import Section
 from icmj.report.statements import STATEMENTS, Verdict, verdicts_on_results
 from icmj.report.style import NAME
-from icmj.report.wording import CaseRuns, Section, judge_run, notice_in_words, verdicts
+from icmj.report.wording import notice_in_words
 
 
 def is_noisy(case: CaseRuns) -> bool:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from icmj.case.result import Result
     from icmj.case.sweep_table import SweepTable
     from icmj.cycle.branch import Branch
-    from icmj.report.wording import CaseRuns
+    from icmj.report.case_runs import CaseRuns
 
 
 @dataclass(frozen=True)
@@ -100,8 +100,8 @@ def report(
 def draw_logs(logs: Sequence[Path], folder: Path, progress: Tell | None = None) -> None:
     """Draw the figures of the case that logs are of into ``folder``: what a worker does for the page."""
     from icmj.log.reader import read_log
+    from icmj.report.case_runs import pair
     from icmj.report.drawing import draw_case
-    from icmj.report.wording import pair
 
     for case in pair([read_log(log) for log in logs]):
         draw_case(case, folder)

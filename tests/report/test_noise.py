@@ -17,11 +17,11 @@ from icmj.log.summary import markdown
 from icmj.log.summary import summarise as properties
 from icmj.plant.linear_plant import transformation
 from icmj.report import sections
+from icmj.report.case_runs import pair, shown_interval
 from icmj.report.noise_figures import draw_histogram
 from icmj.report.noise_table import estimate
 from icmj.report.panels import PANELS
 from icmj.report.sections import Picture
-from icmj.report.wording import pair, shown_interval
 
 PICTURE = Picture("a", "data:", "a")
 NOISE = """

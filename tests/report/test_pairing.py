@@ -4,7 +4,7 @@ import pytest
 from report_cases import result
 
 from icmj.errors import ReportError
-from icmj.report.wording import pair
+from icmj.report.case_runs import pair
 
 
 def test_runs_of_a_case_come_together_linear_first():

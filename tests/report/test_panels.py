@@ -14,9 +14,9 @@ from icmj.case.motion import latter_part, reduce_state
 from icmj.case.noise import spread_about
 from icmj.linear.run import simulate
 from icmj.report import panels, style
+from icmj.report.case_runs import CaseRuns, pair
 from icmj.report.loci import shown_locus
 from icmj.report.panels import Panel
-from icmj.report.wording import CaseRuns, pair
 from icmj.simulation.pressure import Pressure
 
 DEG = np.rad2deg(1)

@@ -14,8 +14,8 @@ from icmj.case.motion import output_rate
 from icmj.errors import ReportError
 from icmj.linear.run import simulate
 from icmj.report import style
+from icmj.report.case_runs import pair
 from icmj.report.panels import PANELS
-from icmj.report.wording import pair
 
 PLOTS = icmj.plots
 BOTH = ("linear", "mujoco")

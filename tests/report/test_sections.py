@@ -16,11 +16,11 @@ from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.trigger import EventRule, Faces
 from icmj.report import many_runs, sections, style
 from icmj.report.builder import render_page
+from icmj.report.case_runs import pair
 from icmj.report.experiment import Row, experiment_page
 from icmj.report.overview import overview_figure
 from icmj.report.panels import PANELS
 from icmj.report.rivals import rivals
-from icmj.report.wording import pair
 from icmj.study.kinds.double_step import DoubleStepTable
 from icmj.study.kinds.quiet_standing import QuietStandingTable
 

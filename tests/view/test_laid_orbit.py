@@ -12,8 +12,8 @@ from icmj.case.motion import event_rows, output_rate, reduce_state
 from icmj.case.result import Result
 from icmj.linear.run import simulate
 from icmj.log.groups import groups
+from icmj.report.case_runs import pair
 from icmj.report.panels import PANELS
-from icmj.report.wording import pair
 
 CYCLES = ["b0.8", "b1.2", "three-link", "neglected"]  # b1.2 is mirrored; neglected has n = 4, n̂ = 2
 
