@@ -80,6 +80,18 @@ def test_the_page_at(report, tmp_path, width, scheme):
         assert any(image["ratio"] == pytest.approx(85 / height, rel=0.02) for height in (58, 70, 84))
 
 
+def test_of_many_cases_the_first_is_open_and_a_link_opens_another(report, tmp_path):
+    cases = re.findall(r'<a href="#case-([^"]+)">', (report / "report.html").read_text(encoding="utf-8"))
+    last = list(dict.fromkeys(cases))[-1]
+    opened = {}
+    for there in ("", f"#case-{last}"):
+        page = chromium(tmp_path, "--dump-dom", (report / "report.html").as_uri() + there).stdout
+        folds = re.findall(r'<details( open="")?>\s*<summary><h3>.*?id="case-([^"]+)"', page, re.S)
+        opened[there] = [name for is_open, name in folds if is_open]
+        assert len(folds) > 2
+    assert opened == {"": opened[""][:1], f"#case-{last}": [*opened[""][:1], last]}
+
+
 def test_the_inspection_finds_faults(tmp_path):
     if CHROMIUM is None:
         pytest.skip("no Chromium here; on Debian: apt-get install chromium")
