@@ -566,7 +566,7 @@ def _plants(drawn: Drawn, rng: random.Random, plant: str) -> str:
 def _signals(run: icmj.Simulation) -> dict[str, np.ndarray]:
     """All that a run holds, as arrays."""
     found = {name: getattr(run, name) for name in ("t", "x", "y", "u", "x_o", "x_h", "E", "applied")}
-    return found | {"events": run.events.t, "before": run.events.x}
+    return found | {"events": run.events.t, "before": run.events.x, "jumps": run.jumps}
 
 
 def _routes(drawn: Drawn, rng: random.Random, plant: str) -> str:

@@ -43,6 +43,7 @@ from icmj.errors import ModelError
 from icmj.simulation import ending
 from icmj.simulation.disturbance import no_disturbance
 from icmj.simulation.native.loop import Status
+from icmj.simulation.rows import part_rows
 from icmj.simulation.taps import (
     POWERS,
     ControllerState,
@@ -101,6 +102,7 @@ class Record:
         steps: steps taken.
         outcome: how it ended.
         u, mode: command and mode at the rows, shapes (N, n_u), (N,).
+        jumps: times and commands right after rows at which these jump, shape (K, 1 + n_u); not of a run by steps.
         stand: a while before the end, to repeat what came after; ``None`` if nobody asked for it.
     """
 
@@ -112,6 +114,7 @@ class Record:
     outcome: ending.Outcome
     u: Array
     mode: np.ndarray
+    jumps: Array
     stand: Stand | None = None
 
 
@@ -309,10 +312,13 @@ def follow(
         outcome = ending.stalled(t, crowded)
     if loop.by_steps:
         u, mode = -loop.state(rows) @ loop.controller.realisation.K.T, np.zeros(len(rows), np.int64)
+        jumps = np.zeros((0, 0))
     else:
         u, mode = np.concatenate(log.u), np.concatenate(log.mode)
+        kept, jumps = part_rows(rows[:, 0], u)
+        rows, u, mode = rows[kept], u[kept], mode[kept]
     y_max, y_min = log.tracker.result()
-    return Record(rows, events, y_max, y_min, log.steps, outcome, u, mode, stands[0] if stands else None)
+    return Record(rows, events, y_max, y_min, log.steps, outcome, u, mode, jumps, stands[0] if stands else None)
 
 
 class Log:

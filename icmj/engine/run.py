@@ -111,6 +111,7 @@ def simulate(
         least=least_of(real),
         noisy=settings.noisy,
         labels=labels_of(linear, controller.plant) if has_trigger(controller) else labels_of(linear),
+        jumps=record.jumps,
         **modes_of(real, record.mode),
         **collect_drives(controller, loop.acting, record.rows[:, 0]),
     )

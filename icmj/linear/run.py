@@ -35,7 +35,7 @@ from icmj.simulation.labels import labels_of
 from icmj.simulation.native.loop import Status
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.readings import expect_no_observer, expect_readings
-from icmj.simulation.rows import collect_drives, edges_of, keep_rows
+from icmj.simulation.rows import collect_drives, edges_of, keep_rows, part_rows
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import plant_start, start_states
@@ -162,7 +162,8 @@ def simulate_tapped(
             raise
         outcome = ending.interrupted(float(track.t[0]), settings.duration)
     R, K = np.concatenate(rows), np.concatenate(events)
-    R = R[np.flatnonzero(np.diff(R[:, 0], append=np.inf) > 0)]  # what falls at the start is recorded there once
+    kept, jumps = part_rows(R[:, 0], R[:, 1 + n : -1])
+    R = R[kept]
     when, X, u = R[:, 0], R[:, 1 : 1 + n], R[:, 1 + n : -1]
     none, before = np.zeros((len(R), 0)), np.zeros((len(K), 0))
     y_max, y_min = K[:, 1 + n : 1 + n + n_y], K[:, 1 + n + n_y :]
@@ -190,6 +191,7 @@ def simulate_tapped(
         labels=labels_of(plant),
         delay=realisation.delay if realisation.eventful else 0.0,
         least=least_of(realisation),
+        jumps=jumps,
         **modes_of(realisation, R[:, -1]),
         **collect_drives(law, everything, when),
     )

@@ -76,6 +76,9 @@ def _simulation(result: Result, name: str, simulation: Simulation, m: int) -> No
     _shape(f"{name}.E", simulation.E, N)
     if simulation.applied.size:
         _shape(f"{name}.applied", simulation.applied, N, n_u)
+    if simulation.jumps.size:
+        _shape(f"{name}.jumps", simulation.jumps, None, 1 + n_u)
+        _rising(f"{name}.jumps", simulation.jumps[:, 0], least=0)
     if simulation.pushes or simulation.pushed.size:
         _shape(f"{name}.pushed", simulation.pushed, N, len(simulation.pushes))
     if simulation.qpos.size:

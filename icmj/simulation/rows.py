@@ -36,6 +36,22 @@ def keep_rows(controller: Controller, x_o: Array, x_h: Array, e: Array | None = 
     return ControllerRows(x_o[:, :n], x_h[:, :n], u, controller.faces.E(x_h - x_o if e is None else e))
 
 
+def part_rows(t: Array, u: Array) -> tuple[np.ndarray, Array]:
+    """Of the rows of a run by stretches, of which two may be at one instant, those before it, and what comes after.
+
+    Args:
+        t: times of the rows [s], rising, shape (M,).
+        u: commands, shape (M, n_u).
+
+    Returns:
+        a mask with one row for each instant, shape (M,), and (t, u) right after those of which there are two, shape
+        (K, 1 + n_u). Of the start, at which what happens is of the start, only the last row counts.
+    """
+    same = np.diff(t) <= 0
+    second, first = np.append(False, same) & (t > 0), np.append(same, False) & (t <= 0)
+    return ~(second | first), np.column_stack([t, u])[second]
+
+
 def edges_of(acting: Acting, law: Law) -> Array:
     """Instants at which a motion jumps or bends by what is given: rising, positive and finite [s].
 

@@ -93,6 +93,8 @@ class Simulation(WithCard):
         modes: names of the modes.
         edges: instants within the run at which what acts on it, or a signal of the controller, jumps, begins or ends,
             and at which the controller reads that [s], rising; there is a row at each.
+        jumps: of a controller without an observer, times of events and switches whose rows contain what is before [s],
+            and the commands right after them, shape (K, 1 + n_u); empty in logs of before.
     """
 
     plant: Literal["linear", "mujoco"]
@@ -120,6 +122,7 @@ class Simulation(WithCard):
     modes: tuple[str, ...] = ()
     setpoint: Setpoint | None = None
     edges: Array = field(default_factory=lambda: np.zeros(0))
+    jumps: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def r(self) -> Array:
@@ -155,10 +158,9 @@ class Simulation(WithCard):
         itself, named after the input or body that is pushed, ``cop.x`` and ``cop.y`` the centre of pressure, and
         ``load.…`` the normal force at each contact. Signals that the run does not have are left out.
 
-        Where a signal jumps, recorded and interpolated rows give the same side: at an event (of a controller without
-        events, a switch of its mode) the value before it; at an action that follows an event after a delay, and at a
-        step of a set-point or a disturbance, the value from there on. A command that jumps with the mode of a
-        controller that has events besides is interpolated across, from one row to the next.
+        Where a signal jumps, recorded and interpolated rows give the same side: at an event, and where the controller
+        changes its mode, the value before it; at an action that follows an event after a delay, and at a step of a
+        set-point or a disturbance, the value from there on.
 
         Args:
             rate: rows per second [Hz], evenly spaced from t = 0; the recorded rows as they are if ``None``. At a
@@ -181,7 +183,7 @@ class Simulation(WithCard):
             t = self.t
         else:
             t = instants(step_of(rate, float(self.t[-1])), float(self.t[-1]))
-            after = np.concatenate([block.right_after(len(self.breaks[0])) for block in blocks], axis=1)
+            after = np.concatenate([block.right_after(len(self.resets)) for block in blocks], axis=1)
             values = self.interpolate(names, values, t, after, breaks)
             if self.setpoint:
                 values[:, [name.startswith("r.") for name in names]] = self.setpoint(t)
@@ -199,19 +201,15 @@ class Simulation(WithCard):
             names: what they are called, as in :meth:`to_series`: states and outputs do not jump.
             values: at the rows, shape (N, w).
             t: times [s], increasing, within the run, shape (M,).
-            after: values right after each reset, NaN if unknown, shape (K, w).
+            after: values right after each of :attr:`resets`, NaN if unknown, shape (K, w).
             breaks: further times across which nothing is interpolated [s].
         """
-        kinds = np.array([name.split(".")[0] for name in names])
-        bends, after = steady(names), np.full((len(self.breaks[0]), len(names)), np.nan) if after is None else after
+        kinds, resets = np.array([name.split(".")[0] for name in names]), self.resets
+        bends, after = steady(names), np.full((len(resets), len(names)), np.nan) if after is None else after
         held, error = np.isin(kinds, ("u", "x_h")) & (self.x_o.shape[1] > 0), kinds == "E"
         if self.control == "continuous":  # whose hold is the observer; the set-point moves its commands at once
             steady_held = held & ((kinds == "x_h") | (self.setpoint is None))
             bends, held = bends | steady_held, held & False
-        # of a change of mode without an event, what is right after it is not known
-        resets = np.concatenate([self.breaks[0], self.switches])
-        after = np.concatenate([after, np.full((len(resets) - len(after), len(names)), np.nan)])[np.argsort(resets)]
-        resets = np.sort(resets)
         # what is held jumps at actions alone, and knows of no edge; the event function bends where the observer does
         given, found = np.concatenate([self.actions, np.ravel(breaks)]), np.empty((len(t), len(names)))
         jumping = np.concatenate([given, self.edges])
@@ -255,6 +253,11 @@ class Simulation(WithCard):
         # with a delay an event of observer and hold resets nothing yet
         resets = np.zeros(0) if self.delay and self.x_o.shape[1] > 0 else self.events.t
         return resets, np.concatenate([self.actions, self.edges])
+
+    @property
+    def resets(self) -> Array:
+        """Times of all rows that contain what is before a jump: those of resets and of changes of mode, rising [s]."""
+        return np.sort(np.concatenate([self.breaks[0], self.switches]))
 
     def u_after(self, controller: Controller) -> Array:
         """The commands of the run's controller right after each event, for a run without a delay; shape (K, n_u)."""
@@ -341,9 +344,13 @@ class Simulation(WithCard):
 
     def _blocks(self, controller: Controller | None) -> list[Block]:
         """The recorded signals, and their values right after each reset where they are known."""
-        labels, at = self.labels, np.searchsorted(self.t, self.breaks[0])
-        # with a delay the commands jump at actions, not at events
+        labels, at = self.labels, np.searchsorted(self.t, self.resets)
+        # with a delay the commands of an observer and a hold jump at actions, not at events
         command = None if controller is None or self.delay else self.u_after(controller)
+        if self.jumps.size:
+            place = np.minimum(np.searchsorted(self.jumps[:, 0], self.resets), len(self.jumps) - 1)
+            known = np.abs(self.jumps[place, 0] - self.resets) <= NEAR
+            command = np.where(known[:, None], self.jumps[place, 1:], np.nan)
         blocks = [
             columns("x", labels.states, labels.state_units, self.x, self.x[at]),
             columns("y", labels.outputs, labels.output_units, self.y, self.y[at]),
@@ -364,7 +371,7 @@ class Simulation(WithCard):
         if self.setpoint:
             blocks.append(columns("r", self.setpoint.names, self.setpoint.units, self.r, self.r[at]))
         if self.pressure is not None:
-            ground, known = self.pressure, len(self.pressure.t_after) > 0
+            ground, known = self.pressure, 0 < len(self.pressure.t_after) == len(at)
             newtons = ("N",) * len(ground.geoms)
             blocks += [
                 columns("cop", ("x", "y"), ("m", "m"), ground.centre, ground.centre_after if known else None),

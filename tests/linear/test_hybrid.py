@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hybrid_cases import NAMES, RAMPS, START, Bare, Given, Ramp, body, law, plant, weak
+from hybrid_cases import FOLDER, NAMES, RAMPS, START, Bare, Given, Ramp, body, law, plant, weak
 from oracles.hybrid import Hybrid
 from scipy.linalg import expm
 
@@ -100,6 +100,32 @@ def test_what_falls_on_one_instant_has_an_order(name, taps) -> None:
     for there in (plant(), body()):
         run = icmj.simulate_plant(there, own, Settings(duration=6.0, record_interval=0.1), x0=START)
         assert run.events.t == pytest.approx(events, abs=1e-9 if there is body() else 1e-12), there
+        # right after an event, whose row has the command before it, nothing but the ramp has changed
+        inside = run.events.t < 6.0 - 1e-6
+        assert run.jumps[:, 0] == pytest.approx(run.events.t[inside], abs=0)
+        before = run.u[np.searchsorted(run.t, run.jumps[:, 0])]
+        least = {"clock": 0.75, "sampling": 1.3}
+        reached = next((least[key] for key in least if key in numbers), 1.0)
+        if name not in ("a rule beyond when its least time ends", "a delay longer than the interval"):
+            expected = 10 * reached * (1 - numbers.get("keep", 0.0))
+            np.testing.assert_allclose(run.jumps[:, 1:] - before, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("there", ["linear", "mujoco"])
+def test_a_piece_that_ends_soon_after_an_event_is_as_exact_as_others(there, tmp_path) -> None:
+    """An event at 0.9 s, and an edge 2.37 ms later: there is no row between, or one. A log tells it as the run does."""
+    run = icmj.load_run(FOLDER / "alert.toml", allow_code=True)
+    edge = {"kind": "step", "input": "ankle_torque", "size": 1.0, "start": 0.90237}
+    changes = {"assumed.delay": 0.15, "simulation.duration": 1.2, "simulation.disturbance": [edge]}
+    series = []
+    for interval in (0.002, 0.0002):
+        given = run.with_(**changes, **{"simulation.record_interval": interval})
+        result = icmj.run_case(given, there)
+        series.append(result.simulation.to_series(1000.0)["u.ankle_torque"])
+        icmj.write_log(result, tmp_path / "alert.rrd")
+        read = icmj.read_log(tmp_path / "alert.rrd").simulation
+        np.testing.assert_array_equal(read.to_series(1000.0)["u.ankle_torque"], series[-1])
+    np.testing.assert_allclose(*series, atol=1e-4 * np.abs(series[1]).max())
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -466,7 +466,7 @@ def _note(f, event, acted):  # type: ignore[no-untyped-def]
     track, t = f.track, f.time[0]
     if event or is_over(f) or f.now.met[TURNS] != 0 or f.now.met[FALLS] != 0:
         _row_here(f.engine, f.plan, f.progress, f.record, f.now, track)
-    elif acted and track.t[2] < t:
+    if t > 0 and (event or f.now.met[TURNS] != 0 or (acted and track.t[2] < t)):
         f.progress[0].next_row = t  # the next stretch begins with it, whose command is that from the right
     if event:
         note_event(f.engine, f.record)

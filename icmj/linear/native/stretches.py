@@ -363,12 +363,16 @@ def _travel(f):  # type: ignore[no-untyped-def]
 
 @merged
 def _note(f, event, acted):  # type: ignore[no-untyped-def]
-    """Record a row where run or mode end, and an event where the last stretch did, to begin the next interval."""
+    """Record a row where run or mode end, and an event where the last stretch did, to begin the next interval.
+
+    What an event, a change of mode or an action leads to is in the row with which the next stretch begins: a second one
+    at that instant if what led there is recorded, too.
+    """
     body, track, t, n, n_y = f.body, f.track, f.track.t[0], len(f.track.X), len(f.body.C)
     if event or is_over(f) or f.now.met[TURNS] != 0 or f.now.met[FALLS] != 0:
         _row_here(body, f.now, track, t)
-    elif acted and track.t[1] < t:
-        track.t[2] = t  # the next stretch begins with it, whose command is that from the right
+    if t > 0 and (event or f.now.met[TURNS] != 0 or (acted and track.t[1] < t)):
+        track.t[2] = t
     if not event:
         return
     row = track.events[track.counts[2]]
