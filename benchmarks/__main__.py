@@ -21,7 +21,8 @@ from pathlib import Path
 
 from benchmarks import analysis, cycles, linear, live, noise, precision, rivals, startup, stepping, threads
 from benchmarks.row import Row
-from icmj.cli.terminal import Column, Terminal, show_table
+from icmj.cli.table import Column, show_table
+from icmj.cli.terminal import Terminal
 
 MEASURED = (*map(Column, ("group", "measured")), *(Column(name, "right") for name in ("value", "bound")))
 MEASURED += (Column("note", rank=1),)

@@ -20,7 +20,7 @@ COMMAND = ("-m", "icmj.cli")
 # says at once and ten times a second what it does, so that its moments can be met however fast the processor is
 TALKATIVE = (
     "-c",
-    "from icmj.cli import main, terminal as working; working.FIRST = working.LEAST = working.SHARE = 0.0; "
+    "from icmj.cli import main, progress as working; working.FIRST = working.LEAST = working.SHARE = 0.0; "
     "working.PAUSE = 0.1; main.entry()",
 )
 SHORT = """

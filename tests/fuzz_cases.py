@@ -334,10 +334,10 @@ def put(job: Job) -> tuple[str, str]:
 
 
 def _put_files(job: Job, rng: random.Random) -> tuple[str, str]:
-    from icmj.cli import terminal
+    from icmj.cli import progress
     from icmj.cli.main import main
 
-    terminal.SHARE = 0.0  # a line every five seconds: silence is a hang
+    progress.SHARE = 0.0  # a line every five seconds: silence is a hang
     folder = Path(tempfile.mkdtemp(prefix="icmj-mutant-"))
     try:
         os.chdir(folder)

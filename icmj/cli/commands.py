@@ -19,7 +19,9 @@ from icmj.base.numbers import amount, amounts, count, lapse, number, plain, root
 from icmj.base.process import meanwhile
 from icmj.cli import arguments, files
 from icmj.cli.printing import plain_runs, say_changes, show_comparisons, spread_in_words, spread_of
-from icmj.cli.terminal import ERR, OUT, Column, Working, show_table
+from icmj.cli.progress import Working
+from icmj.cli.table import Column, show_table
+from icmj.cli.terminal import ERR, OUT
 from icmj.errors import IdentificationError, RunFileError, SweepError
 
 if TYPE_CHECKING:

@@ -10,7 +10,9 @@ from icmj.base.numbers import amount
 from icmj.cli import arguments
 from icmj.cli.commands import execute
 from icmj.cli.printing import say_changes
-from icmj.cli.terminal import ERR, OUT, Column, Working, show_table
+from icmj.cli.progress import Working
+from icmj.cli.table import Column, show_table
+from icmj.cli.terminal import ERR, OUT
 
 if TYPE_CHECKING:
     from icmj.cycle.branch import Branch

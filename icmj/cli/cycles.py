@@ -11,7 +11,9 @@ from icmj.base.numbers import amount, plain, root
 from icmj.cli import arguments
 from icmj.cli.commands import execute
 from icmj.cli.printing import say_changes
-from icmj.cli.terminal import ERR, OUT, Column, Working, show_table
+from icmj.cli.progress import Working
+from icmj.cli.table import Column, show_table
+from icmj.cli.terminal import ERR, OUT
 
 if TYPE_CHECKING:
     from icmj.base.array import Array

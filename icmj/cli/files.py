@@ -25,7 +25,9 @@ from icmj.base.numbers import amount, count
 from icmj.base.text import one_line
 from icmj.cli import arguments
 from icmj.cli.arguments import CasesCommand, ExperimentCommand, FitCommand, NewCommand, SchemaCommand
-from icmj.cli.terminal import ERR, OUT, Column, Terminal, Working, show_table
+from icmj.cli.progress import Working
+from icmj.cli.table import Column, show_table
+from icmj.cli.terminal import ERR, OUT, Terminal
 from icmj.errors import FitError, IcmjError, RunFileError, StudyError
 
 if TYPE_CHECKING:

@@ -25,7 +25,9 @@ from rich.table import Table
 from icmj.base.array import Array
 from icmj.base.files import write_bytes
 from icmj.base.numbers import MISSING, amount, amounts, collect_facts, number, pairs, plain, relative
-from icmj.cli.terminal import ERR, OUT, Column, Working, show_table
+from icmj.cli.progress import Working
+from icmj.cli.table import Column, show_table
+from icmj.cli.terminal import ERR, OUT
 from icmj.errors import IcmjError, ModelError, prefix_errors
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import pytest
 from patience import PATIENCE
 
 from icmj.base import compile_clock
-from icmj.cli import terminal
+from icmj.cli import progress
 from icmj.cli.terminal import Terminal
 from icmj.work.workers import Task, Workers
 
@@ -71,10 +71,10 @@ def test_the_time_that_is_spent_on_it_is_measured_once_for_all_who_compile(monke
 
 def test_it_is_said_with_the_time_that_it_takes(monkeypatch: pytest.MonkeyPatch) -> None:
     """It was "17 % after 5 s … 17 % after 35 s"."""
-    monkeypatch.setattr(terminal, "FIRST", 0.05)
+    monkeypatch.setattr(progress, "FIRST", 0.05)
     monkeypatch.setattr(compile_clock, "USUAL", compile_clock.spent() + 7.2)
     file = io.StringIO()
-    with terminal.Working("study", Terminal(file=file)) as shown:
+    with progress.Working("study", Terminal(file=file)) as shown:
         shown.tell("simple-0.8", 0.17)
         compile_clock.begin_compiling()
         deadline = time.monotonic() + PATIENCE

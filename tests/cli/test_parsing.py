@@ -83,7 +83,7 @@ def test_help_shows_nothing_that_only_python_has(name, shell):
 
 
 def test_quiet_leaves_results_and_verbose_tells_steps(capsys, monkeypatch):
-    monkeypatch.setattr("icmj.cli.terminal.FIRST", 0.0)
+    monkeypatch.setattr("icmj.cli.progress.FIRST", 0.0)
     command = ["analyse", "simple-0.8", "--set", "actual.gain=0.85"]
     assert main([*command, "-q"]) == 0
     out, err = capsys.readouterr()

@@ -10,7 +10,8 @@ import pytest
 from benchmarks.__main__ import show_compared, show_measured
 from benchmarks.row import Row
 from icmj.cli.printing import show_comparisons
-from icmj.cli.terminal import Column, Terminal, show_table
+from icmj.cli.table import Column, show_table
+from icmj.cli.terminal import Terminal
 from icmj.work.shipped import RUNS
 
 

@@ -9,7 +9,7 @@ import pytest
 from patience import PATIENCE
 
 from icmj.base import compile_clock
-from icmj.cli import terminal
+from icmj.cli import progress
 from icmj.cli.terminal import Terminal
 
 
@@ -26,7 +26,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clock]:
     clock = Clock()
-    monkeypatch.setattr(terminal, "time", clock)
+    monkeypatch.setattr(progress, "time", clock)
     monkeypatch.setattr(compile_clock, "time", clock)
     return clock
 
@@ -37,14 +37,14 @@ def test_lines_come_less_and_less_often(clock: Clock) -> None:
     console.began = clock.now
     times = []
     for _ in range(11):
-        due = terminal.Working("study", console)._due()  # each work of a command goes on where the one before left
+        due = progress.Working("study", console)._due()  # each work of a command goes on where the one before left
         clock.now = console.progressed = due
         times.append(due - 1000)
     assert times == [2, 7, 14, 28, 56, 112, 224, 448, 896, 1496, 2096]
 
 
 def test_what_remains_is_in_proportion_to_the_work(clock: Clock) -> None:
-    remaining = terminal.Remaining()
+    remaining = progress.Remaining()
     clock.now += 3  # libraries are imported
     remaining.note(0.2)  # of it most was there from before
     assert remaining.words() == ""
@@ -69,7 +69,7 @@ def test_what_remains_is_in_proportion_to_the_work(clock: Clock) -> None:
 
 
 def test_a_few_seconds_and_a_small_part_tell_nothing(clock: Clock) -> None:
-    remaining = terminal.Remaining()
+    remaining = progress.Remaining()
     remaining.note(0.0)
     clock.now += 5
     remaining.note(0.02)
@@ -82,18 +82,18 @@ def test_a_few_seconds_and_a_small_part_tell_nothing(clock: Clock) -> None:
 
 def test_compiling_is_no_work(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compile_clock, "USUAL", compile_clock.spent() + 10)
-    remaining = terminal.Remaining()
+    remaining = progress.Remaining()
     remaining.note(0.0)
     clock.now += 4
     remaining.note(0.1)
     compile_clock.begin_compiling()
     clock.now += 7
     assert remaining.seconds() == pytest.approx(36 + 3)
-    assert terminal._compilation() == "compiling (first run only, about 3 s)"
+    assert progress._compilation() == "compiling (first run only, about 3 s)"
     clock.now += 20
-    assert terminal._compilation() == "compiling (first run only)"
+    assert progress._compilation() == "compiling (first run only)"
     compile_clock.end_compiling()
-    assert terminal._compilation() == ""
+    assert progress._compilation() == ""
     clock.now += 4
     remaining.note(0.2)
     assert remaining.seconds() == pytest.approx(32)
@@ -108,10 +108,10 @@ class Screen(Terminal):
 
 @pytest.mark.parametrize("width", [40, 80, 200])
 def test_a_terminal_has_one_line_that_changes_in_place(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(terminal, "FIRST", 0.0)
+    monkeypatch.setattr(progress, "FIRST", 0.0)
     screen = Screen(width)
-    monkeypatch.setattr(terminal.Remaining, "words", lambda self: "about 3.8 min left")
-    with terminal.Working("three-link-0.9-delay (mujoco)", screen) as shown:
+    monkeypatch.setattr(progress.Remaining, "words", lambda self: "about 3.8 min left")
+    with progress.Working("three-link-0.9-delay (mujoco)", screen) as shown:
         deadline = time.monotonic() + PATIENCE
         for part in range(4):
             shown.tell("three-link-0.9-delay (mujoco), trial 117 of 400", part / 10)

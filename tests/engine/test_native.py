@@ -143,7 +143,7 @@ sys.path.insert(0, sys.argv[1])
 from engine_cases import controller, plant
 from linear_cases import settings_from
 from icmj.cli.terminal import Terminal
-from icmj.cli.terminal import Working
+from icmj.cli.progress import Working
 from icmj.engine.native import steps as native_loop
 from icmj.engine.run import simulate
 from icmj.simulation.settings import Settings

@@ -78,8 +78,8 @@ def test_a_reader_of_standard_error_that_goes_away_stops_nothing(tmp_path, monke
     os.close(reader)
     with os.fdopen(writer, "w") as gone:
         monkeypatch.setattr("icmj.cli.commands.TOLD", 0.0)  # what it will cost is said
-        monkeypatch.setattr("icmj.cli.terminal.SHARE", 0.0)
-        monkeypatch.setattr("icmj.cli.terminal.PAUSE", 0.01)  # and often that it goes on
+        monkeypatch.setattr("icmj.cli.progress.SHARE", 0.0)
+        monkeypatch.setattr("icmj.cli.progress.PAUSE", 0.01)  # and often that it goes on
         monkeypatch.setattr(sys, "stderr", gone)
         assert main(["run", str(run), "--out", str(tmp_path / "out")]) == 0
         with contextlib.suppress(BrokenPipeError):
@@ -148,7 +148,7 @@ def test_a_bar_shows_a_label_as_it_is() -> None:
     """On a terminal of its own, where a bar is drawn."""
     import pty
 
-    from icmj.cli import terminal
+    from icmj.cli import progress
     from icmj.cli.terminal import Terminal
 
     class Drawn(Terminal):
@@ -169,9 +169,9 @@ def test_a_bar_shows_a_label_as_it_is() -> None:
     listener = threading.Thread(target=listen, daemon=True)
     listener.start()
     with os.fdopen(theirs, "w", encoding="utf-8") as stream, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(terminal, "FIRST", 0.0)
+        patch.setattr(progress, "FIRST", 0.0)
         patch.setattr(sys, "stderr", stream)
-        with terminal.Working(f"study {HOSTILE}\x1b[2J", Drawn(stderr=True)):
+        with progress.Working(f"study {HOSTILE}\x1b[2J", Drawn(stderr=True)):
             deadline = time.monotonic() + PATIENCE
             while b"[2J" not in heard and time.monotonic() < deadline:
                 time.sleep(0.02)
