@@ -202,7 +202,13 @@ def test_what_is_on_disk_is_read_in_one_way() -> None:
     )
     ours = {
         *("base.files", "base.npz", "base.parquet", "work.folder"),  # the way itself
-        *("base.compilation", "work.own_code", "work.shipped", "work.folder", "cli.files"),  # files of the installation
+        *(
+            "base.compilation",
+            "work.own_code",
+            "work.shipped",
+            "work.folder",
+            "cli.commands.new",
+        ),  # files of the installation
         *(
             "report.builder",
             "report.drawing",

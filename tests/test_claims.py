@@ -22,7 +22,7 @@ from scipy import stats
 
 import icmj
 from icmj import Case, Result
-from icmj.cli.arguments import COMMANDS
+from icmj.cli.commands import COMMANDS
 from icmj.cycle.branch import Branch
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -165,7 +165,7 @@ def exists(backing: str) -> bool:
         name, _, function = first.partition("::")
         return (ROOT / name).exists() and (not function or function in functions(name))
     if first == "icmj":
-        return rest.split()[0] in COMMANDS
+        return rest.split()[0] in COMMANDS.names
     if backing.startswith("python -m benchmarks --only "):
         return backing.rpartition(" ")[2] in GROUPS
     if backing.startswith("python -m "):

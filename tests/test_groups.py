@@ -12,8 +12,6 @@ TOGETHER = {
     "base/parquet": "whether a table ends the process that reads it is asked before it is read",
     "case/case": "simulating without a run file is the same run",
     "case/notices": "notices, each for itself",
-    "cli/files": "commands on files; each is to have a file of its own",
-    "cli/printing": "what commands print; each is to have it in a file of its own",
     "fitting/recordings": "trials, and the public ones among them",
     "measurement/measurement": "a motion, and its growth",
     "report/findings": "figures of fits and experiments, small ones",

@@ -100,7 +100,7 @@ def test_the_page_has_commands_and_what_they_show(root):
 
 def test_commands_of_the_readme_s_questions_name_what_is_there(root):
     """They named files that a clone does not have; a file that one command writes serves the next."""
-    from icmj.cli.main import parse
+    from icmj.cli.parsing import parse
 
     page = (root / "README.md").read_text(encoding="utf-8")
     table = page.partition("## What you can ask")[2].partition("## Two commands")[0]

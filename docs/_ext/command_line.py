@@ -11,7 +11,7 @@ from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from icmj.cli.arguments import COMMANDS
+from icmj.cli.commands import COMMANDS
 
 
 class Commands(SphinxDirective):
@@ -19,7 +19,7 @@ class Commands(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         lines: list[str] = []
-        for name in COMMANDS:
+        for name in COMMANDS.names:
             lines += [f"## icmj {name}", "", "```text", *_help(name), "```", ""]
         holder = nodes.section()
         holder.document = self.state.document

@@ -1,37 +1,28 @@
 """The command line: a thin shell over the API, and what becomes of errors and signals there (docs/command_line.md).
 
-The parser of a command is made of the class of its arguments; words that make no command are told in one line, with
-what was probably meant.
-
 Status 0 on success, 2 on bad input with one line on standard error, 70 where icmj itself is wrong, 130 after Ctrl-C,
 143 after SIGTERM.
 """
 
 from __future__ import annotations
 
-import argparse
 import codecs
 import contextlib
 import os
-import shutil
 import signal
 import sys
-import textwrap
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import MISSING
-from types import NoneType
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TextIO, get_args, get_origin, get_type_hints
+from collections.abc import Iterator, Sequence
+from typing import TextIO
 
 from icmj.base.address_space import LEAST_ROOM, narrow, sparing
 from icmj.base.blas_threads import one_thread
 from icmj.base.interruption import EndRequest, Termination, terminable
 from icmj.base.process import collect_garbage_seldom, load_matplotlib_apart
-from icmj.base.text import attribute_docstrings, did_you_mean, one_line, spell
+from icmj.base.text import one_line, spell
+from icmj.cli.arguments import refuse_values
+from icmj.cli.parsing import COMPLETION, parse
 from icmj.errors import IcmjError, beyond_arithmetic, beyond_memory
-
-if TYPE_CHECKING:
-    from icmj.cli.arguments import Command, Given
 
 BAD_INPUT, OURS, INTERRUPTED = 2, 70, 130
 
@@ -93,10 +84,14 @@ def _obey(arguments: list[str]) -> int:
             print(f"icmj {VERSION}", flush=True)
             return 0
         if arguments[:1] in ([], ["--help"], ["-h"]):
-            print(overview(), flush=True)
+            from icmj.cli.overview import write_overview
+
+            print(write_overview(), flush=True)
             return 0
         if arguments[0] == COMPLETION:
-            print(completion(" ".join(arguments[1:])), flush=True)
+            from icmj.cli.overview import write_completion
+
+            print(write_completion(" ".join(arguments[1:])), flush=True)
             return 0
         try:
             command = parse(arguments)
@@ -110,14 +105,11 @@ def _obey(arguments: list[str]) -> int:
                 BAD_INPUT,
             )
         load_matplotlib_apart()
-        import icmj.cli.continuation
-        import icmj.cli.cycles  # noqa: F401, for the commands that both register
-        from icmj.cli import arguments as given
-        from icmj.cli import commands, terminal
+        from icmj.cli.terminal import ERR, OUT, talking
 
-        given.refuse_other_kind(command)
-        with terminal.talking(command.quiet, command.verbose):
-            commands.execute(command)
+        refuse_values(command)
+        with talking(command.quiet, command.verbose):
+            command.carry_out(OUT, ERR)
         sys.stdout.flush()
     except IcmjError as error:
         return _say(str(error), BAD_INPUT)
@@ -193,192 +185,3 @@ def _unheard(stream: TextIO) -> None:
         nothing = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nothing, stream.fileno())
         os.close(nothing)
-
-
-class _Parser(argparse.ArgumentParser):
-    """A parser whose errors are those of icmj."""
-
-    def error(self, message: str) -> NoReturn:
-        """One line, with the command and where its help is."""
-        raise IcmjError(f"{self.prog.removeprefix('icmj ')}: {message}; see {self.prog} --help")
-
-
-def parse(words: list[str]) -> Command:
-    """The command that the words of a command line ask for.
-
-    Raises:
-        IcmjError: one line that says what is wrong with them.
-        SystemExit: with status 0, where help was asked for and shown.
-    """
-    from icmj.cli.arguments import COMMANDS
-
-    name, *rest = words
-    if name.startswith("-"):
-        raise IcmjError(f"icmj has no option {_near(name, ['--help', '--version', COMPLETION])}; see icmj --help")
-    if name not in COMMANDS:
-        hint = did_you_mean(name, COMMANDS) or f"; there are {', '.join(COMMANDS)}"
-        raise IcmjError(f"no command {name!r}{hint}; see icmj --help")
-    parser = _Parser(f"icmj {name}", **_STYLE)
-    helped = any(word == "--help" or (word[:1] == "-" != word[1:2] and "h" in word) for word in rest)
-    cls = COMMANDS[name].complete()
-    options = ["--help", *_fill(parser, cls, helped)]
-
-    def refuse(option: str) -> NoReturn:
-        raise IcmjError(f"{name} has no option {_near(option, options)}; see icmj {name} --help")
-
-    end = rest.index("--") if "--" in rest else len(rest)
-    for i, word in enumerate(rest[:end]):
-        option, equals, value = word.partition("=")
-        if word.startswith("--"):
-            if (hyphened := option.replace("_", "-")) not in options:
-                refuse(option)
-            rest[i] = f"{hyphened}{equals}{value}"
-    # what stands after -- is no option; intermixed arguments do not know it
-    found, more = (parser.parse_known_args if "--" in rest else parser.parse_known_intermixed_args)(rest)
-    if more and more[0].startswith("-"):
-        refuse(more[0])
-    if more:
-        parser.error(f"one argument too many, {one_line(more[0], 80)}")
-    values = {key: tuple(each) if isinstance(each, list) else each for key, each in vars(found).items()}
-    command: Callable[..., Command] = cls
-    return command(**values)
-
-
-def _near(option: str, known: Sequence[str]) -> str:
-    return f"{one_line(option, 80)}{did_you_mean(option, known)}"
-
-
-def _fill(parser: argparse.ArgumentParser, cls: type[Command], helped: bool, files: object = None) -> list[str]:
-    """Give a parser the arguments of a command, and its help; returns the names of the options.
-
-    Args:
-        parser: to be filled.
-        cls: the class of the command.
-        helped: whether its help is needed, too, which is read from the source.
-        files: what completion for a shell offers where a path is expected.
-    """
-    from icmj.cli.arguments import Command, Given
-
-    parser.description = "\n\n".join(
-        textwrap.fill(" ".join(words.split()), shutil.get_terminal_size().columns - 2)
-        for words in (cls.__doc__ or "").split("\n\n")
-    )
-    meanings: dict[str, str] = {}
-    for owner in cls.__mro__[-2::-1] if helped else ():
-        meanings |= (
-            attribute_docstrings(owner) if vars(sys.modules[owner.__module__]).get(owner.__name__) is owner else {}
-        )
-    general = parser.add_argument_group("general options")
-    names = []
-    for field, hint in get_type_hints(cls, include_extras=True).items():
-        kind, given = get_args(hint) if get_origin(hint) is Annotated else (hint, Given())
-        kind = next((each for each in get_args(kind) if NoneType in get_args(kind)), kind)
-        default = cls.__dataclass_fields__[field].default
-        how = _of_kind(kind, given)
-        note = "required" if default is MISSING else f"default: {default}"
-        meaning = (given.meaning or meanings.get(field, "")) + ("" if default in (None, False, ()) else f" ({note})")
-        how["help"] = meaning.replace("%", "%%")
-        if given.positional:
-            if default is not MISSING:
-                how = {"nargs": "?", "default": default} | how
-            action = parser.add_argument(field, **how)
-        else:
-            names.append(f"--{(given.name or field).replace('_', '-')}")
-            place = general if field in get_type_hints(Command) else parser
-            flags = [given.short, names[-1]] if given.short else names[-1:]
-            action = place.add_argument(*flags, dest=field, required=default is MISSING, **how)
-        if how.get("metavar") in _PATHS:
-            action.complete = files  # type: ignore[attr-defined]
-    return names
-
-
-def _of_kind(kind: Any, given: Given) -> dict[str, Any]:
-    """How argparse reads the values of an argument, and shows them."""
-    if kind is bool:
-        return {"action": "store_true"}
-    how: dict[str, Any] = {}
-    if get_origin(kind) is tuple:
-        kind, *others = get_args(kind)
-        open_end = others == [...]
-        how = {"action": "append"} if given.repeated else {"nargs": "*" if open_end else 1 + len(others)}
-        if given.positional:
-            how["default"] = ()
-    if get_origin(kind) is Literal:
-        return how | {"choices": get_args(kind), "type": _choose(get_args(kind))}
-    name = "NAME" if how and kind is str else kind.__name__.upper()
-    if given.writes is not None:
-        name = "FILE" if given.writes else "FOLDER"
-    return how | {"metavar": given.metavar or name, "type": _NUMBERS.get(kind, kind)}
-
-
-def _choose(known: tuple[str, ...]) -> Callable[[str], str]:
-    def choose(word: str) -> str:
-        if word not in known:
-            hint = did_you_mean(word, known)
-            raise argparse.ArgumentTypeError(f"expected {' or '.join(sorted(known))}, got {word!r}{hint}")
-        return word
-
-    return choose
-
-
-def _read_number(kind: type[int] | type[float], words: str) -> Callable[[str], float]:
-    def read(word: str) -> float:
-        try:
-            return kind(word)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"expected {words}, got {one_line(repr(word), 80)}") from None
-
-    return read
-
-
-_NUMBERS = {int: _read_number(int, "a whole number"), float: _read_number(float, "a number")}
-_PATHS = ("PATH", "FILE", "FOLDER")
-_STYLE: dict[str, Any] = {
-    "allow_abbrev": False,
-    "argument_default": argparse.SUPPRESS,
-    "formatter_class": argparse.RawDescriptionHelpFormatter,
-}
-COMPLETION = "--print-completion"
-_SHELLS = ("bash", "zsh", "tcsh")
-
-
-def completion(shell: str) -> str:
-    """The script by which a shell completes the commands of icmj and their options.
-
-    Raises:
-        IcmjError: if ``shell`` is not one of those.
-    """
-    import shtab
-
-    from icmj.cli.arguments import COMMANDS
-
-    if shell not in _SHELLS:
-        raise IcmjError(f"{COMPLETION}: expected {' or '.join(_SHELLS)}, got {shell!r}{did_you_mean(shell, _SHELLS)}")
-    parser = _Parser("icmj", **_STYLE)
-    commands = parser.add_subparsers()
-    for name, cls in COMMANDS.items():
-        _fill(commands.add_parser(name, help=_purpose(cls), **_STYLE), cls.complete(), True, shtab.FILE)
-    return str(shtab.complete(parser, shell))
-
-
-def overview() -> str:
-    """The purpose of the program, and of each command in one sentence."""
-    from icmj.cli.arguments import DESCRIPTION, GROUPS, name_command
-
-    lines = ["usage: icmj COMMAND [OPTIONS]", "", *textwrap.wrap(" ".join(DESCRIPTION.split()), 78)]
-    for group, classes in GROUPS.items():
-        lines += ["", f"{group}:"]
-        for cls in classes:
-            indent = f"  {name_command(cls):<11}"
-            lines += textwrap.wrap(_purpose(cls), 78, initial_indent=indent, subsequent_indent=" " * 13)
-    more = (
-        ("icmj COMMAND --help", "options of a command, with an example"),
-        ("icmj --version", "version"),
-        (f"icmj {COMPLETION} bash", "completion for the shell: bash, zsh or tcsh"),
-    )
-    lines += ["", *(f"{words:<36}{purpose}" for words, purpose in more)]
-    return "\n".join([*lines, "", "Example: icmj study"])
-
-
-def _purpose(cls: type[Command]) -> str:
-    return " ".join((cls.__doc__ or "").partition("\n\n")[0].split())

@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
 from icmj.base.array import RELATIVE_ROUNDING, Array
+from icmj.case.case import Case
+from icmj.case.plants import linear_plant
 from icmj.controller.law import Law
 from icmj.controller.switching import OFF, SwitchingPD
 from icmj.cycle.jacobian import jacobian, multipliers
@@ -24,9 +26,10 @@ from icmj.cycle.newton import newton
 from icmj.cycle.return_map import LostInterval, Turn
 from icmj.errors import CycleError
 from icmj.linear.run import simulate
-from icmj.plant.linear_plant import LinearPlant
+from icmj.plant.linear_plant import LinearPlant, match_ports
 from icmj.simulation import ending
 from icmj.simulation.settings import Settings
+from icmj.simulation.start import plant_start
 
 MOST = 12  # rounds in a cycle
 LONGEST = 100.0  # times the delay: rounds that are flown before they are given up, at first
@@ -49,6 +52,14 @@ def has_exact_cycle(law: Law) -> bool:
 @has_exact_cycle.register
 def _(law: SwitchingPD) -> bool:
     return law.switches and law.dead_zone > 0
+
+
+def make_loop(case: Case) -> tuple[LinearPlant, SwitchingPD, Array | None]:
+    """The actual plant with the controller's inputs and outputs, the controller, and where the run of a case starts."""
+    law = case.controller
+    plant = match_ports(linear_plant(case.actual, case.settings), law.plant, "position")
+    x0 = plant_start(plant, case.settings, None)
+    return plant, law, (x0 if x0.any() else None)  # type: ignore[return-value]
 
 
 @dataclass(frozen=True, eq=False)

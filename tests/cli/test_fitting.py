@@ -6,8 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from icmj.cli.arguments import FitCommand
-from icmj.cli.files import people_of
+from icmj.cli.commands.fit import FitCommand, list_people
 from icmj.errors import FitError
 from icmj.fitting.recordings import MOST, TrialOf
 from icmj.work.shipped import FAMILIES
@@ -105,7 +104,7 @@ def test_a_table_that_is_no_file_is_one_line(name, kind, shell, tmp_path) -> Non
 def test_names_of_columns_may_have_spaces_around_them(recording, tmp_path) -> None:
     path = tmp_path / "people.csv"
     path.write_text("\ufefffile , person, column\n anna.csv , anna ,first\n\nanna.csv,anna,second\n", encoding="utf-8")
-    (found,) = people_of(FitCommand(model=("event",), table=path))
+    (found,) = list_people(FitCommand(model=("event",), table=path))
     assert (found.label, len(found.trials)) == ("anna", 2)
 
 
@@ -119,22 +118,22 @@ def test_many_rows_are_refused_before_any_recording_is_read(tmp_path, monkeypatc
     path = tmp_path / "people.csv"
     path.write_text("file,person\n" + "".join(f"{i},a\n" for i in range(MOST + 1)))
     with pytest.raises(FitError, match=f"lists more than {MOST} recordings; fit them in parts"):
-        people_of(FitCommand(model=("event",), table=path))
+        list_people(FitCommand(model=("event",), table=path))
     path.write_text("file,person\n" + "".join(f"{i},a\n" for i in range(MOST)))
     shares: list[float] = []
-    (found,) = people_of(FitCommand(model=("event",), table=path), lambda _, done: shares.append(done))
+    (found,) = list_people(FitCommand(model=("event",), table=path), lambda _, done: shares.append(done))
     assert len(found.trials) == len(shares) == MOST
     assert shares[-1] == 1
     monkeypatch.setattr("icmj.fitting.recordings.read_trials", lambda path, *_, **__: (trial(path),) * 2)
     with pytest.raises(FitError, match=f"hold more than {MOST} trials"):
-        people_of(FitCommand(model=("event",), table=path))
+        list_people(FitCommand(model=("event",), table=path))
 
 
 def test_a_table_says_whose_trials_belong_together(recording, tmp_path) -> None:
     path = tmp_path / "people.csv"
     rows = ["first,anna,old,open", "second,anna,old,open", "first,anna,old,closed", "second,ben,young,open"]
     path.write_text("file,column,person,group,condition\n" + "\n".join(f"anna.csv,{row}" for row in rows))
-    found = people_of(FitCommand(model=("event",), table=path, hold_out=1))
+    found = list_people(FitCommand(model=("event",), table=path, hold_out=1))
     assert [(one.label, one.group, len(one.trials)) for one in found] == [
         ("anna, open", "old", 2), ("anna, closed", "old", 1), ("ben, open", "young", 1),
     ]  # fmt: skip

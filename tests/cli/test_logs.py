@@ -9,12 +9,15 @@ from report_cases import result
 from terminal_cases import Shell
 
 from icmj import write_log
-from icmj.cli.arguments import COMMANDS, RESULTS, Given
+from icmj.cli.arguments import RESULTS, Given
+from icmj.cli.commands import COMMANDS as SHELF
 from icmj.errors import LogError
 from icmj.log.branch import ENTITY
 from icmj.log.selection import find_log, find_logs
 
 TAKE_LOGS = {"report": [], "replay": ["--web"], "export": [], "measure": [], "identify": []}
+
+COMMANDS = {name: SHELF[name].COMMAND for name in SHELF.names}
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,8 @@ from terminal_cases import told
 
 import icmj
 from icmj.case.case import revise
+from icmj.cli.comparisons import collect_notes
 from icmj.cli.main import main
-from icmj.cli.printing import collect_notes
 from icmj.errors import SimulationError
 from icmj.simulation.disturbance import disturbance_of
 

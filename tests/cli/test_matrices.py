@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
+from icmj.cli.commands.linearise import FEW, show_plant
 from icmj.cli.main import main
-from icmj.cli.printing import FEW, show_plant
 from icmj.cli.terminal import Terminal
 from icmj.plant.linear_plant import LinearPlant
 

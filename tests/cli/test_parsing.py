@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from icmj.cli.arguments import COMMANDS
-from icmj.cli.main import main, parse
+from icmj.cli.commands import COMMANDS
+from icmj.cli.main import main
+from icmj.cli.parsing import parse
 from icmj.errors import IcmjError
 
 
@@ -66,13 +67,13 @@ def test_version_is_the_package_s(shell):
 
 def test_the_overview_names_every_command_once_in_a_group(shell):
     shown = shell.says([])
-    assert len(COMMANDS) == 19
-    for name in COMMANDS:
+    assert len(COMMANDS.names) == 19
+    for name in COMMANDS.names:
         assert shown.count(f"\n  {name} ") == 1
     assert max(map(len, shown.splitlines())) <= 80
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", COMMANDS.names)
 def test_help_shows_nothing_that_only_python_has(name, shell):
     """It had "{None}|PATH" and "(default: )"."""
     shown = shell.says([name, "--help"])

@@ -9,9 +9,8 @@ import pytest
 from terminal_cases import told
 
 from icmj import load_family, load_run, prepare, read_sweep
-from icmj.cli import files
-from icmj.cli.arguments import FitCommand
-from icmj.cli.files import people_of
+from icmj.cli import terminal
+from icmj.cli.commands.fit import FitCommand, list_people
 from icmj.cli.main import main
 from icmj.cli.terminal import Terminal
 from icmj.fitting.bank import simulate_bank
@@ -191,7 +190,7 @@ def test_a_first_table_lists_recordings_as_they_are_fitted(shell, root, elsewher
     assert "note: anna.csv" not in said
     table = Path("of/people.csv")
     table.write_text(table.read_text(encoding="utf-8").replace("../ben.csv,,ben,,\n", ""), encoding="utf-8")
-    (one,) = people_of(FitCommand(table=table))
+    (one,) = list_people(FitCommand(table=table))
     assert (one.label, len(one.trials)) == ("anna", 1)
     assert "no recording to list; give files" in shell.refuses(["new", "recordings"])
 
@@ -254,9 +253,10 @@ def test_all_that_is_shipped_is_listed_whole_at_sixty_columns(shell, monkeypatch
     assert sorted(names) == sorted(RUNS.files)
     assert [one["name"] for one in listed["sweeps"]] == list(SWEEPS.files)
     assert [one["name"] for one in listed["experiments"]] == list(EXPERIMENTS.files)
-    monkeypatch.setattr(files, "OUT", terminal := Terminal(width=60, force_terminal=True, color_system=None))
+    narrow = Terminal(width=60, force_terminal=True, color_system=None)
+    monkeypatch.setattr(terminal, "OUT", narrow)
     shown = shell.says(["cases"])
-    assert max(map(len, shown.splitlines())) <= terminal.width
+    assert max(map(len, shown.splitlines())) <= narrow.width
     words = " ".join(shown.split())
     for one in (one for kind in listed.values() for one in kind):
         assert one["about"].endswith(".")

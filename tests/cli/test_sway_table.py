@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from icmj.cli.printing import _rows, record
+from icmj.cli.commands.measure import _list_rows, plain_sway
 from icmj.experiments.quiet_standing import quiet_standing
 from icmj.experiments.recording import Recording
 from icmj.fitting.recordings import MEASURE_UNITS, measures, summarise
@@ -58,10 +58,10 @@ def test_every_measure_is_in_the_one_list_in_the_table_and_in_the_json(sway: Swa
     for way in ways:
         other = replace(measures, values=changed(measures.values, way))
         assert other.numbers != measures.numbers, f"{'.'.join(way)} is no number of a measure"
-        assert _rows(other) != _rows(measures)
+        assert _list_rows(other) != _list_rows(measures)
         swapped = {"coordinates": (other,)} if part == "coordinate" else {"plane": other}
-        other_record = json.dumps(record(replace(sway, **swapped)))
-        assert other_record != json.dumps(record(sway)), f"{'.'.join(way)} is in no JSON"
+        other_record = json.dumps(plain_sway(replace(sway, **swapped)))
+        assert other_record != json.dumps(plain_sway(sway)), f"{'.'.join(way)} is in no JSON"
 
 
 def test_batches_experiments_and_fits_take_their_measures_from_the_list(sway: Sway) -> None:

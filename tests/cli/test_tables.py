@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.__main__ import show_compared, show_measured
 from benchmarks.row import Row
-from icmj.cli.printing import show_comparisons
+from icmj.cli.comparisons import show_comparisons
 from icmj.cli.table import Column, show_table
 from icmj.cli.terminal import Terminal
 from icmj.work.shipped import RUNS

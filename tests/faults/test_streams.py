@@ -77,7 +77,7 @@ def test_a_reader_of_standard_error_that_goes_away_stops_nothing(tmp_path, monke
     reader, writer = os.pipe()
     os.close(reader)
     with os.fdopen(writer, "w") as gone:
-        monkeypatch.setattr("icmj.cli.commands.TOLD", 0.0)  # what it will cost is said
+        monkeypatch.setattr("icmj.cli.commands.run.TOLD", 0.0)  # what it will cost is said
         monkeypatch.setattr("icmj.cli.progress.SHARE", 0.0)
         monkeypatch.setattr("icmj.cli.progress.PAUSE", 0.01)  # and often that it goes on
         monkeypatch.setattr(sys, "stderr", gone)

@@ -13,7 +13,7 @@ import pytest
 from patience import PATIENCE
 
 from icmj import load_run, write_log
-from icmj.cli.arguments import COMMANDS as KNOWN
+from icmj.cli.commands import COMMANDS as KNOWN
 from icmj.study.study import run_case
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -165,7 +165,7 @@ def spring_none(place: Place, words: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_commands_are_all_there() -> None:
-    assert set(COMMANDS) == set(KNOWN)
+    assert set(COMMANDS) == set(KNOWN.names)
 
 
 @pytest.mark.slow

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from icmj import measure_sway, read_series, write_series
-from icmj.cli.arguments import FitCommand
-from icmj.cli.files import people_of
+from icmj.cli.commands.fit import FitCommand, list_people
 from icmj.errors import FitError
 from icmj.fitting.recordings import MOST, SUMMARIES, measures, public_trials, read_trials, summarise
 from icmj.series.even_rows import even_series
@@ -134,7 +133,7 @@ def test_the_public_data_set_is_read_from_its_own_files(tmp_path):
     ]
     (read,) = read_trials(trials[1].file)
     np.testing.assert_allclose(read.cop, 1e-2 * sway(rms=0.4, seed=1)[1], atol=1e-7)
-    people = people_of(FitCommand(model=("event",), table=tmp_path / "BDSinfo.txt"))
+    people = list_people(FitCommand(model=("event",), table=tmp_path / "BDSinfo.txt"))
     assert [(one.label, one.group) for one in people] == [
         ("1, eyes open, firm", "Young"),
         ("1, eyes closed, firm", "Young"),
