@@ -873,9 +873,131 @@ from icmj.study.fit_page import write_fit  # noqa: F401
 """,
     alone=True,
 )
+COMMANDS = Shelf(
+    "cli/commands",
+    "margin",
+    '''"""``icmj margin``: how far the critical interval of a case is above the least one of its rule."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from icmj.cli.arguments import POSITIONAL, Given
+from icmj.cli.overrides import Overrides
+from icmj.cli.progress import Working
+from icmj.errors import CycleError
+
+if TYPE_CHECKING:
+    from icmj.cli.terminal import Terminal
+
+
+@dataclass(frozen=True)
+class MarginCommand(Overrides):
+    """Say how far the critical interval of a case is above the least one.
+
+    Example: icmj margin simple-0.8
+    """
+
+    group = "Predict"
+
+    run: Annotated[Path, POSITIONAL]
+    """Run file, or name of a shipped case."""
+    figures: Annotated[int, Given(least=1)] = 4
+    """Significant figures."""
+    unit: Literal["s", "ms"] = "s"
+    """Unit of the answer."""
+
+    def carry_out(self, out: Terminal, err: Terminal) -> None:
+        from icmj.case.case import prepare
+
+        with Working("margin", err):
+            case = prepare(self.load(self.run))
+        if case.prediction is None or case.prediction.delta_crit is None:
+            raise CycleError(f"{self.run}: no critical interval")
+        margin = case.prediction.delta_crit - case.controller.trigger.delta_min
+        out.say(f"margin {margin * (1000 if self.unit == 'ms' else 1):.{self.figures}g} {self.unit}")
+
+
+COMMAND = MarginCommand
+''',
+    """
+import contextlib, io, sys, icmj
+from importlib.util import find_spec
+from pathlib import Path
+from icmj.cli.main import main
+def says(*words):
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        assert main([*words]) == 0
+    return out.getvalue()
+case = icmj.prepare(icmj.load_run("simple-0.8").with_(**{"actual.gain": 0.85}))
+margin = case.prediction.delta_crit - case.controller.trigger.delta_min
+assert says("margin", "simple-0.8", "--set", "actual.gain=0.85", "--unit", "ms") == f"margin {1000 * margin:.4g} ms\\n"
+listed = says("--help").split("Predict:")[1].split("Simulate:")[0]
+assert "\\n  margin     Say how far the critical interval" in listed
+shown = says("margin", "--help")
+for words in ("--figures INT", "Significant figures. (default: 4)", "--unit {s,ms}", "--set KEY=VALUE", "-q, --quiet"):
+    assert words in shown, shown
+for shell in ("bash", "zsh"):
+    assert "--figures" in says("--print-completion", shell)
+if find_spec("sphinx"):
+    sys.path.insert(0, "docs/_ext")
+    from command_line import write_reference
+    lines = write_reference()
+    assert "Significant figures. (default: 4)" in " ".join(lines[lines.index("## icmj margin"):])
+""",
+    """
+import contextlib, io
+from pathlib import Path
+import icmj.cli
+from icmj.cli.main import main
+def refuses(words, status=2):
+    with contextlib.redirect_stderr(io.StringIO()) as err:
+        assert main(words.split()) == status, words
+    assert err.getvalue().startswith("icmj: ") and err.getvalue().count("\\n") == 1, err.getvalue()
+    return err.getvalue()
+for words, said in (
+    ("margin", "margin: the following arguments are required: PATH; see icmj margin --help"),
+    ("margn simple-0.8", "no command 'margn'; did you mean margin?"),
+    ("margin simple-0.8 --figurs 3", "margin has no option --figurs; did you mean --figures?"),
+    ("margin simple-0.8 --figures many", "--figures: expected a whole number, got 'many'"),
+    ("margin simple-0.8 --figures 0", "--figures 0: expected at least 1"),
+    ("margin simple-0.8 --unit m", "--unit: expected ms or s, got 'm'"),
+    ("margin simple-0.8 three", "margin: one argument too many, three"),
+    ("margin one-link-switching", "no critical interval"),
+):
+    assert said in refuses(words), (words, refuses(words))
+(Path(icmj.cli.__file__).parent / "commands/margin.py").write_text(
+    "from icmj.cli.arguments import Command\\nclass Half(Command):\\n    group = 'Predict'\\nCOMMAND = Half\\n")
+for name in [name for name in __import__("sys").modules if name.endswith("commands.margin")]:
+    del __import__("sys").modules[name]
+assert "carry_out" in refuses("margin", 70)
+""",
+    """
+import contextlib, io, sys, icmj
+from icmj.cli.commands import COMMANDS
+from icmj.cli.main import main
+gone = sys.argv[1]
+def says(*words, status=0):
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
+        assert main([*words]) == status, (words, err.getvalue())
+    return out.getvalue() + err.getvalue()
+listed = says("--help")
+assert len(COMMANDS.names) == 18 and f"\\n  {gone} " not in listed
+for name in COMMANDS.names:
+    assert f"\\n  {name} " in listed and f"usage: icmj {name}" in says(name, "--help")
+assert f"no command {gone!r}" in says(gone, status=2)
+assert f"icmj_{gone}" not in says("--print-completion", "bash")
+short = ["--set", "simulation.duration=1", "--set", "simulation.timestep=0.002", "--plant", "linear"]
+for words in (["cases"], ["linearise", "pendulum"], ["analyse", "simple-0.8"], ["run", "simple-0.8", *short]):
+    if words[0] != gone:
+        says(*words)
+""",
+)
 SHELVES = {
     "formats of recordings": FORMATS, "shapes": SHAPES, "event rules": RULES, "controllers": CONTROLLERS,
-    "kinds of experiments": KINDS, "measures of sway": MEASURES,
+    "kinds of experiments": KINDS, "measures of sway": MEASURES, "commands": COMMANDS,
 }  # fmt: skip
 
 
@@ -885,7 +1007,7 @@ def copied() -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="icmj-additions-") as folder:
         there = Path(folder)
         shutil.copytree(ROOT / "icmj", there / "icmj", symlinks=True, ignore=shutil.ignore_patterns("*.nb?", "*.lock"))
-        for name in ("models", "runs", "sweeps", "experiments", "families"):
+        for name in ("models", "runs", "sweeps", "experiments", "families", "docs"):
             (there / name).symlink_to(ROOT / name, target_is_directory=True)
         yield there
 

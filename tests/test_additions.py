@@ -36,6 +36,29 @@ def test_the_list_names_every_file_of_a_shelf_and_nobody_else_imports_one(title,
             assert not {f"{package}.{name}" for name in names} & set(given), path
 
 
+# words of the command line's code that are names of commands, too, and what they are there
+OTHERWISE = {
+    "commands/new": {"run", "sweep", "experiment"},  # kinds of files
+    "commands/schema": {"run", "sweep", "experiment"},
+    "commands/fit": {"person"},  # a column of a table
+    "comparisons": {"cycle"},  # a motion
+}
+
+
+def test_nothing_is_decided_by_the_name_of_a_command(root):
+    names = set(additions.names_of(additions.SHELVES["commands"]))
+    found = {}
+    for path in {*(root / "icmj" / "cli").rglob("*.py")} - {root / "icmj/cli/commands/__init__.py"}:
+        said = {
+            node.value
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            if isinstance(node, ast.Constant)
+        }
+        if others := said & names - {path.stem}:
+            found[path.relative_to(root / "icmj" / "cli").with_suffix("").as_posix()] = others
+    assert found == OTHERWISE
+
+
 @pytest.mark.parametrize("title", [title for title, shelf in additions.SHELVES.items() if shelf.alone])
 def test_the_list_alone_has_the_names_of_a_shelf(title, root):
     shelf = additions.SHELVES[title]

@@ -18,13 +18,20 @@ class Commands(SphinxDirective):
     """A section for each command of ``icmj``."""
 
     def run(self) -> list[nodes.Node]:
-        lines: list[str] = []
-        for name in COMMANDS.names:
-            lines += [f"## icmj {name}", "", "```text", *_help(name), "```", ""]
         holder = nodes.section()
         holder.document = self.state.document
-        self.state.nested_parse(StringList(lines, "commands"), self.content_offset, holder, match_titles=True)
+        self.state.nested_parse(
+            StringList(write_reference(), "commands"), self.content_offset, holder, match_titles=True
+        )
         return holder.children
+
+
+def write_reference() -> list[str]:
+    """The lines of all sections."""
+    lines: list[str] = []
+    for name in COMMANDS.names:
+        lines += [f"## icmj {name}", "", "```text", *_help(name), "```", ""]
+    return lines
 
 
 def _help(name: str) -> list[str]:

@@ -79,12 +79,9 @@ def _read_motion(command: IdentifyCommand, path: Path) -> tuple[Unknown, Observe
     """The known run file, the observed motion, and its plant."""
     from icmj.fitting.observed import Observed, read_observed
     from icmj.log.reader import read_log
-    from icmj.runfile.reading import load_run
     from icmj.runfile.schema import overridden
 
-    given = (
-        None if command.run is None else overridden(load_run(command.run, allow_code=command.allow_code), command.set)
-    )
+    given = None if command.run is None else command.load(command.run)
     if path.suffix == ".rrd":
         result = read_log(path)
         run = given or overridden(result.run, command.set)
