@@ -40,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     collect_garbage_seldom()
     asked = EndRequest()
     try:
-        with _sayable(), _library_words_unsaid(), terminable() as asked:
+        with _open_streams(), _silence_libraries(), terminable() as asked:
             return _obey(sys.argv[1:] if arguments is None else list(arguments))
     except KeyboardInterrupt:
         return _say("interrupted", INTERRUPTED)
@@ -72,7 +72,7 @@ def entry() -> None:
         try:
             stream.flush()
         except (OSError, ValueError, AttributeError):  # the interpreter would say so, and change the status
-            _unheard(stream)
+            _discard(stream)
     os._exit(status)
 
 
@@ -105,20 +105,20 @@ def _obey(arguments: list[str]) -> int:
                 BAD_INPUT,
             )
         load_matplotlib_apart()
-        from icmj.cli.terminal import ERR, OUT, talking
+        from icmj.cli.terminal import ERR, OUT, apply_verbosity
 
         refuse_values(command)
-        with talking(command.quiet, command.verbose):
+        with apply_verbosity(command.quiet, command.verbose):
             command.carry_out(OUT, ERR)
         sys.stdout.flush()
     except IcmjError as error:
         return _say(str(error), BAD_INPUT)
     except BrokenPipeError:  # the reader of our output went away, as `| head` does
-        _unheard(sys.stdout)
+        _discard(sys.stdout)
         return 0
     except OSError as error:
         if error.filename is None:  # not a file of ours: standard output is full, or gone
-            _unheard(sys.stdout)
+            _discard(sys.stdout)
         name = f"{error.filename}: " if error.filename is not None else ""
         return _say(f"{name}{error.strerror or error}", BAD_INPUT)
     except Exception as error:
@@ -129,7 +129,7 @@ def _obey(arguments: list[str]) -> int:
 
 
 @contextlib.contextmanager
-def _library_words_unsaid() -> Iterator[None]:
+def _silence_libraries() -> Iterator[None]:
     """Suppress warnings of libraries unless Python was asked to show them; icmj reports what they mean itself.
 
     Where Python was asked to make errors of them they are shown: a library that warns has done its work all the same.
@@ -143,7 +143,7 @@ def _library_words_unsaid() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _sayable() -> Iterator[None]:
+def _open_streams() -> Iterator[None]:
     """Make sure that the standard streams exist and can encode any character.
 
     One that is closed leads nowhere: else the next file that is opened would stand in its place, and get what others
@@ -179,7 +179,7 @@ def _say(message: str, status: int) -> int:
     return status
 
 
-def _unheard(stream: TextIO) -> None:
+def _discard(stream: TextIO) -> None:
     """Discard the buffer of a standard stream, so that Python reports no error at exit."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         nothing = os.open(os.devnull, os.O_WRONLY)

@@ -39,7 +39,7 @@ def parse(words: list[str]) -> Command:
     """
     name, *rest = words
     if name.startswith("-"):
-        raise IcmjError(f"icmj has no option {_near(name, ['--help', '--version', COMPLETION])}; see icmj --help")
+        raise IcmjError(f"icmj has no option {_suggest(name, ['--help', '--version', COMPLETION])}; see icmj --help")
     if name not in COMMANDS.names:
         hint = did_you_mean(name, COMMANDS.names) or f"; there are {', '.join(COMMANDS.names)}"
         raise IcmjError(f"no command {name!r}{hint}; see icmj --help")
@@ -49,7 +49,7 @@ def parse(words: list[str]) -> Command:
     options = ["--help", *fill(parser, cls, helped)]
 
     def refuse(option: str) -> NoReturn:
-        raise IcmjError(f"{name} has no option {_near(option, options)}; see icmj {name} --help")
+        raise IcmjError(f"{name} has no option {_suggest(option, options)}; see icmj {name} --help")
 
     end = rest.index("--") if "--" in rest else len(rest)
     for i, word in enumerate(rest[:end]):
@@ -69,7 +69,7 @@ def parse(words: list[str]) -> Command:
     return command(**values)
 
 
-def _near(option: str, known: Sequence[str]) -> str:
+def _suggest(option: str, known: Sequence[str]) -> str:
     return f"{one_line(option, 80)}{did_you_mean(option, known)}"
 
 
@@ -95,7 +95,7 @@ def fill(parser: argparse.ArgumentParser, cls: type[Command], helped: bool, file
     for field, kind, given in list_arguments(cls):
         kind = next((each for each in get_args(kind) if NoneType in get_args(kind)), kind)
         default = cls.__dataclass_fields__[field].default
-        how = _of_kind(kind, given)
+        how = _describe_values(kind, given)
         note = "required" if default is MISSING else f"default: {default}"
         meaning = (given.meaning or meanings.get(field, "")) + ("" if default in (None, False, ()) else f" ({note})")
         how["help"] = meaning.replace("%", "%%")
@@ -113,7 +113,7 @@ def fill(parser: argparse.ArgumentParser, cls: type[Command], helped: bool, file
     return names
 
 
-def _of_kind(kind: Any, given: Given) -> dict[str, Any]:
+def _describe_values(kind: Any, given: Given) -> dict[str, Any]:
     """How argparse reads the values of an argument, and shows them."""
     if kind is bool:
         return {"action": "store_true"}

@@ -52,11 +52,11 @@ class Working:
         if self._thread.is_alive():
             self._thread.join(2)
 
-    def _silence(self) -> float:
+    def _find_silence(self) -> float:
         """The time [s] after which progress is first shown; importing libraries has already taken a part of it."""
-        return max(min(LEAST, FIRST), self._due() - time.monotonic())
+        return max(min(LEAST, FIRST), self._find_due() - time.monotonic())
 
-    def _due(self) -> float:
+    def _find_due(self) -> float:
         """When the next line is due, by ``time.monotonic``: the works of one command share its lines."""
         began, last = self._console.began, self._console.progressed
         return began + FIRST if last is None else last + min(max(PAUSE, SHARE * (last - began)), LONGEST)
@@ -68,7 +68,7 @@ class Working:
             self._lines()
 
     def _bar(self) -> None:
-        if self._ended.wait(self._silence()):
+        if self._ended.wait(self._find_silence()):
             return
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
         from rich.table import Column as RichColumn
@@ -79,19 +79,19 @@ class Working:
         with suppress(OSError, ValueError), Progress(*columns, console=self._console, transient=True) as bar:
             task = bar.add_task(self._label, total=None, left="")
             while not self._ended.wait(0.1):
-                done, parts = self._remaining.done, [self._label, _compilation()]
+                done, parts = self._remaining.done, [self._label, _say_compilation()]
                 total = 1.0 if done > 0 else None
                 words = ", ".join(part for part in parts if part)
                 bar.update(task, description=words, completed=done, total=total, left=self._remaining.words())
 
     def _lines(self) -> None:
-        while not self._ended.wait(self._silence()):
+        while not self._ended.wait(self._find_silence()):
             done = self._remaining.done
             now = self._console.progressed = time.monotonic()
             parts = [
                 self._label,
                 f"{100 * done:.0f} %" if done > 0 else "",
-                _compilation(),
+                _say_compilation(),
                 f"after {now - self._console.began:.0f} s",
                 self._remaining.words(),
             ]
@@ -128,12 +128,12 @@ class Remaining:
         if gained <= 0 or worked < (ENOUGH if gained >= PART else LONG):
             return None
         left = worked * (1 - self.done) / gained - (self._clock() - self._at)
-        return left + _time_to_compile() if left > 0 else None
+        return left + _estimate_compilation() if left > 0 else None
 
     def words(self) -> str:
         """The estimate; empty where there is none."""
         seconds = self.seconds()
-        return f"about {_rounded(seconds)} left" if seconds is not None and seconds >= 1 else ""
+        return f"about {_round_time(seconds)} left" if seconds is not None and seconds >= 1 else ""
 
 
 def _log(label: str) -> None:
@@ -142,20 +142,20 @@ def _log(label: str) -> None:
     getLogger("icmj").info(label)
 
 
-def _time_to_compile() -> float:
+def _estimate_compilation() -> float:
     """The time that a loop which is compiled now will still take, or 0 [s]."""
     return max(compile_clock.USUAL - compile_clock.spent(), 0.0) if compile_clock.compiling() else 0.0
 
 
-def _compilation() -> str:
+def _say_compilation() -> str:
     """What is said of a loop that is compiled now; empty where none is."""
     if not compile_clock.compiling():
         return ""
-    left = _time_to_compile()
-    return f"compiling (first run only{f', about {_rounded(left)}' if left >= 1 else ''})"
+    left = _estimate_compilation()
+    return f"compiling (first run only{f', about {_round_time(left)}' if left >= 1 else ''})"
 
 
-def _rounded(seconds: float) -> str:
+def _round_time(seconds: float) -> str:
     """To whole seconds, or to five of them or two digits where there are many."""
     from icmj.base.numbers import lapse
 

@@ -50,7 +50,7 @@ def show_table(
     """
     rows = [[cell.replace("−", "-") for cell in row] for row in rows]  # as programs read numbers that are copied
     kept = list(range(len(columns)))
-    while (table := _fitting(columns, rows, kept, title, sections, out)) is None:
+    while (table := _fit_table(columns, rows, kept, title, sections, out)) is None:
         last = max(kept, key=lambda i: columns[i].rank)
         if columns[last].rank == 0:
             _show_list(columns, rows, out, title, keys)
@@ -62,7 +62,7 @@ def show_table(
         out.say(f"A wider terminal also shows: {left_out}.", style="dim")
 
 
-def _fitting(
+def _fit_table(
     columns: Sequence[Column],
     rows: Sequence[Sequence[str]],
     kept: Sequence[int],

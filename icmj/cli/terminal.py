@@ -73,7 +73,7 @@ OUT, ERR = Terminal(), Terminal(stderr=True)
 
 
 @contextlib.contextmanager
-def talking(quiet: bool, verbose: bool) -> Iterator[None]:
+def apply_verbosity(quiet: bool, verbose: bool) -> Iterator[None]:
     """Within the block, apply ``--quiet`` (no notes, no progress) and ``--verbose`` (log every step)."""
     log, handler = logging.getLogger("icmj"), logging.StreamHandler()
     handler.setFormatter(logging.Formatter("%(asctime)s %(name)s: %(message)s"))

@@ -37,7 +37,7 @@ def test_lines_come_less_and_less_often(clock: Clock) -> None:
     console.began = clock.now
     times = []
     for _ in range(11):
-        due = progress.Working("study", console)._due()  # each work of a command goes on where the one before left
+        due = progress.Working("study", console)._find_due()  # each work of a command goes on where the one before left
         clock.now = console.progressed = due
         times.append(due - 1000)
     assert times == [2, 7, 14, 28, 56, 112, 224, 448, 896, 1496, 2096]
@@ -89,11 +89,11 @@ def test_compiling_is_no_work(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> 
     compile_clock.begin_compiling()
     clock.now += 7
     assert remaining.seconds() == pytest.approx(36 + 3)
-    assert progress._compilation() == "compiling (first run only, about 3 s)"
+    assert progress._say_compilation() == "compiling (first run only, about 3 s)"
     clock.now += 20
-    assert progress._compilation() == "compiling (first run only)"
+    assert progress._say_compilation() == "compiling (first run only)"
     compile_clock.end_compiling()
-    assert progress._compilation() == ""
+    assert progress._say_compilation() == ""
     clock.now += 4
     remaining.note(0.2)
     assert remaining.seconds() == pytest.approx(32)

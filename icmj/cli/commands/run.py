@@ -118,7 +118,7 @@ def _say_peaks(result: PredictedResult) -> str:
     from icmj.case.laid_orbit import beside
     from icmj.case.quantity import quantities
 
-    def shown(values: Array, i: int) -> str:
+    def show(values: Array, i: int) -> str:
         unit = units[i].unit
         text = amount(units[i].factor * float(values[i]), "" if unit == "deg" else unit, 4)
         return f"{text}°" if unit == "deg" else text
@@ -127,7 +127,7 @@ def _say_peaks(result: PredictedResult) -> str:
     found, prediction = result.measurement.amplitude, beside(result.prediction, result.measurement)
     cycle = prediction.amplitude if prediction.cycle else None
     peaks = [
-        f"{name} {shown(found, i)}" + ("" if cycle is None else f" ({shown(cycle, i)})") for i, name in enumerate(names)
+        f"{name} {show(found, i)}" + ("" if cycle is None else f" ({show(cycle, i)})") for i, name in enumerate(names)
     ]
     return f"Peaks{'' if cycle is None else ', predicted ones in brackets'}: {', '.join(peaks)}."
 
