@@ -95,6 +95,11 @@ def list_arguments(cls: type[Command]) -> Iterator[tuple[str, Any, Given]]:
         yield field.name, *(get_args(hint) if get_origin(hint) is Annotated else (hint, Given()))
 
 
+def name_option(field: str, given: Given) -> str:
+    """The option by which an argument is given."""
+    return f"--{(given.name or field).replace('_', '-')}"
+
+
 def refuse_values(command: Command) -> None:
     """See that numbers are large enough, and that what is written is a file where one is meant, or else a folder.
 
@@ -104,7 +109,7 @@ def refuse_values(command: Command) -> None:
         IcmjError: one line that says what to give instead.
     """
     for name, _, given in list_arguments(type(command)):
-        value, option = getattr(command, name), f"--{name.replace('_', '-')}"
+        value, option = getattr(command, name), name_option(name, given)
         if value is None:
             continue
         if given.least is not None and value < given.least:

@@ -15,7 +15,7 @@ from types import NoneType
 from typing import Any, Literal, NoReturn, get_args, get_origin
 
 from icmj.base.text import attribute_docstrings, did_you_mean, one_line
-from icmj.cli.arguments import Command, Given, list_arguments
+from icmj.cli.arguments import Command, Given, list_arguments, name_option
 from icmj.cli.commands import COMMANDS
 from icmj.errors import IcmjError
 
@@ -104,7 +104,7 @@ def fill(parser: argparse.ArgumentParser, cls: type[Command], helped: bool, file
                 how = {"nargs": "?", "default": default} | how
             action = parser.add_argument(field, **how)
         else:
-            names.append(f"--{(given.name or field).replace('_', '-')}")
+            names.append(name_option(field, given))
             place = general if field in Command.__dataclass_fields__ else parser
             flags = [given.short, names[-1]] if given.short else names[-1:]
             action = place.add_argument(*flags, dest=field, required=default is MISSING, **how)
