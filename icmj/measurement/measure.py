@@ -170,7 +170,7 @@ class Option:
 
 @dataclass(frozen=True, eq=False)
 class Measure:
-    """A measure of sway; made by :func:`define_measure`.
+    """A measure of sway; made by :func:`icmj.measurement.define_measure`.
 
     Attributes:
         name: attribute of the measured coordinate or plane that has its value.
