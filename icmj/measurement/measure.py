@@ -245,8 +245,9 @@ def define_measure(
 ) -> Callable[[Callable[..., Any]], Measure]:
     """Decorator: makes a measure of sway of a function.
 
-    Its first parameter is the :class:`Signal`; parameters that are given by name are options, with type, bounds and
-    default, and described under ``Args`` of its docstring. It returns a number, or an object that has the ``numbers``.
+    Its first parameter is the :class:`icmj.measurement.Signal`; parameters that are given by name are options, with
+    type, bounds and default, and described under ``Args`` of its docstring. It returns a number, or an object that has
+    the ``numbers``.
 
     Args:
         name: attribute of the measured coordinate or plane that has what the function returns, and the key of its
