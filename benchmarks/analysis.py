@@ -17,11 +17,11 @@ from icmj.engine.linearisation import linearise
 from icmj.engine.model import load_spec
 from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.event_maps import jacobian, multipliers
-from icmj.theory.flow import flow
-from icmj.theory.locus import locus
-from icmj.theory.orbit import orbit
-from icmj.theory.prediction import critical_crossing, predict
+from icmj.theory.event_maps import compute_jacobian, compute_multipliers
+from icmj.theory.flow import make_flow
+from icmj.theory.locus import follow_locus
+from icmj.theory.orbit import compute_orbit
+from icmj.theory.prediction import find_critical_crossing, predict
 
 MODELS = Path(__file__).resolve().parent.parent / "models"
 REPEATS = 21
@@ -61,11 +61,11 @@ def standing(links: int, gain: float = 0.9) -> ErrorSystem:
 
 def analyse(system: ErrorSystem, trigger: EventTrigger) -> None:
     """Crossings to 3 s, orbit and multipliers, from the error system on."""
-    prepared = flow(system.A_C)
-    critical, _ = critical_crossing(search(system, DELTA_MAX, prepared=prepared).crossings)
+    prepared = make_flow(system.A_C)
+    critical, _ = find_critical_crossing(search(system, DELTA_MAX, prepared=prepared).crossings)
     assert critical is not None
-    found = orbit(system, trigger, critical.delta, int(critical.kind), prepared=prepared)
-    multipliers(jacobian(system, trigger, found, prepared=prepared))
+    found = compute_orbit(system, trigger, critical.delta, int(critical.kind), prepared=prepared)
+    compute_multipliers(compute_jacobian(system, trigger, found, prepared=prepared))
 
 
 def timed(run: Callable[[], object], repeats: int = REPEATS) -> tuple[float, float]:
@@ -86,7 +86,7 @@ def rows() -> list[tuple[str, float, str]]:
     parts: list[tuple[str, Callable[[], object], str]] = [
         ("three-link analysis", lambda: analyse(system, trigger), "crossings to 3 s, orbit, multipliers; bound 50 ms"),
         ("crossings", lambda: search(system, DELTA_MAX), "to 3 s"),
-        ("locus", lambda: locus(system, DELTA_MAX), "256 points, branches followed"),
+        ("locus", lambda: follow_locus(system, DELTA_MAX), "256 points, branches followed"),
         ("whole prediction", lambda: predict(system, trigger), "as the study calls it"),
     ]
     table = []

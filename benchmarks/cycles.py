@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.row import Row
 from icmj import Case, RunFile, follow, load_run, prepare, simulate
-from icmj.cycle.parameter import parameter
+from icmj.cycle.parameter import find_parameter
 from icmj.measurement.measurement import event_states
 
 RUNS = Path(__file__).resolve().parent.parent / "runs"
@@ -47,7 +47,7 @@ def _three(run: RunFile, name: str, first: float, last: float) -> float:
     """Processor time of simulating three cycles [s]."""
     total, case = 0.0, None
     for value in np.linspace(first, last, 3).tolist():
-        took, case = _to_closure(parameter(name).put(run, value), case)
+        took, case = _to_closure(find_parameter(name).put(run, value), case)
         total += took
     return total
 

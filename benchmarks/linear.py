@@ -9,7 +9,7 @@ from benchmarks.others import LAST, SETTINGS, LinearTask, measured
 from benchmarks.row import Row, interleaved, least
 from benchmarks.task import three_link
 from icmj import LinearPlant, Settings, SwitchingPD
-from icmj.linear.loop import linear_loop
+from icmj.linear.loop import make_linear_loop
 from icmj.linear.open_loop import open_loop
 from icmj.linear.run import simulate, simulate_tapped
 
@@ -67,7 +67,7 @@ def _tapped() -> list[Row]:
 def _others(x: np.ndarray, x_o: np.ndarray) -> list[Row]:
     task = three_link()
     plant, controller = task.plant.linearisation.plant, task.controller
-    loop = linear_loop(plant, controller)
+    loop = make_linear_loop(plant, controller)
     settings = Settings(duration=COMPARED, record_interval=COMPARED, limit=10.0)
     exact = simulate(plant, controller, settings, x0=x, x_o0=x_o).events.interval[-LAST:]
     ours = least(lambda: simulate(plant, controller, settings, x0=x, x_o0=x_o), 50)

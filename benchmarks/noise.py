@@ -12,7 +12,7 @@ from benchmarks.euler_maruyama import EulerMaruyama
 from benchmarks.row import Row, interleaved, median
 from icmj import Case, load_run, prepare, simulate_many
 from icmj.linear.simulator import Simulator
-from icmj.simulation.disturbance import disturbance_of, reading_error_of
+from icmj.simulation.disturbance import make_disturbance, make_reading_error
 from icmj.simulation.sources import Gaussian
 from icmj.simulation.start import start_states
 
@@ -49,7 +49,7 @@ def rows() -> list[Row]:
     ratio = median(a / b for a, b in zip(times["icmj"], times["Euler–Maruyama"], strict=True))
 
     like = median(a / b for a, b in zip(times["icmj, Gaussian noise"], times["Euler–Maruyama"], strict=True))
-    torque, reading = disturbance_of(sources, plant.inputs), reading_error_of(sources, plant.outputs)
+    torque, reading = make_disturbance(sources, plant.inputs), make_reading_error(sources, plant.outputs)
 
     def noise(t: np.ndarray | float) -> np.ndarray:
         return np.concatenate([torque(t), reading(t)], axis=-1)

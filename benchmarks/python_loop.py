@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from benchmarks.task import Task
-from icmj.engine.block import block_of
+from icmj.engine.block import find_block
 from icmj.engine.extremes import POINTS
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.native.extremes import extremes
@@ -27,7 +27,7 @@ class PythonLoop:
         self.folded = folded
         loop = task.loop()
         self.model, self._start = loop.model, lambda: loop.data(task.x, np.tile(task.x_o, 2))
-        self.block = block_of(self.model)
+        self.block = find_block(self.model)
         self.controller, self.b = task.controller, task.plant.linearisation.ports.b
         self.Q_t, self.q2 = task.trigger.Q_t, task.trigger.q_t**2
         # all three outputs are sums of joint angles, so that they are known after a step, too

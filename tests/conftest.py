@@ -12,11 +12,11 @@ import pytest
 from hypothesis import HealthCheck, settings
 from terminal_cases import Shell
 
-from icmj.base.blas_threads import one_thread
+from icmj.base.blas_threads import set_one_thread
 from icmj.errors import IcmjError
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # as many processes as cores already; before numpy is there
-    one_thread()
+    set_one_thread()
 ROOT = Path(__file__).resolve().parent.parent
 # pipes, signals, limits of memory and the benchmarks' processor times: what these files try, Windows has not
 UNIX = "base/test_files.py base/test_npz.py base/test_signals.py cli/test_tables.py faults/*"

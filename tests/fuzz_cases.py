@@ -448,9 +448,9 @@ def _use(result: Any, rng: random.Random) -> None:
     with np.errstate(all="ignore"):
         compared = compare(result)
         json.dumps(to_json(compared), allow_nan=False)
-        summary.markdown(result, compared)
+        summary.write_markdown(result, compared)
         summary.summarise(result, compared)
-        list(groups.groups(result))
+        list(groups.list_groups(result))
         if rng.random() < 0.02:
             with tempfile.TemporaryDirectory() as folder, contextlib.suppress(IcmjError):
                 build_report([result], Path(folder) / "report.html")

@@ -15,7 +15,7 @@ from icmj.controller.design import Design, design_lq, output_weight
 from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.engine.linearisation import linearise
-from icmj.engine.pose import scene
+from icmj.engine.pose import make_scene
 from icmj.measurement.measurement import Measurement
 from icmj.simulation.ending import Outcome
 from icmj.simulation.pressure import Pressure
@@ -199,7 +199,7 @@ def standing() -> Result:
 
 def with_scene(result: Result, plant: MujocoPlant, magnification: float = 10.0) -> Result:
     """The same with 3D poses."""
-    return replace(result, scene=scene(plant, result.simulation, magnification))
+    return replace(result, scene=make_scene(plant, result.simulation, magnification))
 
 
 def assert_same(a: Any, b: Any, where: str = "result") -> None:

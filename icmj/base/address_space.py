@@ -9,23 +9,23 @@ LEAST_ROOM = 1 << 30  # bytes
 _ARENAS = -8  # M_ARENA_MAX of the GNU C library
 
 
-def narrow() -> float | None:
+def address_space_too_small() -> float | None:
     """The limit on this process's address space [bytes] if it is too small to start; ``None`` otherwise.
 
     A library for linear algebra that is loaded into less may never return, and no signal is heard while it tries.
     """
-    allowed = _room()
+    allowed = find_limit()
     return None if allowed is None or allowed >= LEAST_ROOM else allowed
 
 
-def sparing() -> None:
+def reserve_little() -> None:
     """Make allocators reserve little where the address space is limited; must be called before libraries are loaded.
 
     Each of two allocators reserves addresses by the gigabyte, and by the thread, of which little is ever used: a run
     that peaks at 0.35 GB of memory takes 3.6 GB of addresses, so 1.0 GB. Where reserving fails, code in Rust ends the
     process at once.
     """
-    if _room() is None:
+    if find_limit() is None:
         return
     for name, value in (("MIMALLOC_ARENA_RESERVE", "32768"), ("RAYON_NUM_THREADS", "1"), ("TOKIO_WORKER_THREADS", "1")):
         os.environ.setdefault(name, value)
@@ -36,7 +36,7 @@ def sparing() -> None:
             ctypes.CDLL(None).mallopt(_ARENAS, 1)
 
 
-def _room() -> float | None:
+def find_limit() -> float | None:
     """The limit on addresses [bytes]; ``None`` where there is none."""
     try:
         import resource

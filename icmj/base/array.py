@@ -29,12 +29,12 @@ Weight = Literal["output", "identity"] | Numbers | Matrix
 RELATIVE_ROUNDING = 1e-9
 """How far numbers may be apart, relative to them, and count as equal: rounding, with room for other processors."""
 SEMIDEFINITE = 1e-12
-"""How far below zero an eigenvalue of :func:`balanced_modes` may lie, by rounding, for a semidefinite matrix."""
+"""How far below zero an eigenvalue of :func:`compute_balanced_modes` may lie, by rounding, where none is negative."""
 _LAST_BITS = 16 * np.finfo(float).eps
 """How far an instant may be from itself, relative to it, as the sum or product of two others: 3 · 0.1 is not 0.3."""
 
 
-def leading(values: NDArray[Any]) -> int:
+def argmax_abs(values: NDArray[Any]) -> int:
     """Index of the first entry of largest magnitude; entries that are equal but for rounding count as equal.
 
     Where two are equal, as in an eigenvector (1, −1), the last bit of either would decide with ``argmax``.
@@ -43,7 +43,7 @@ def leading(values: NDArray[Any]) -> int:
     return int(np.argmax(size >= (1 - RELATIVE_ROUNDING) * size.max()))
 
 
-def falling(keys: Array, *ties: Array) -> NDArray[np.int64]:
+def argsort_descending(keys: Array, *ties: Array) -> NDArray[np.int64]:
     """Indices that sort ``keys`` in descending order; keys that are equal but for rounding, by descending ``ties``."""
     order = np.argsort(-keys, kind="stable")
     size = np.abs(keys[order])
@@ -53,30 +53,30 @@ def falling(keys: Array, *ties: Array) -> NDArray[np.int64]:
     return np.lexsort((*(-tie for tie in reversed(ties)), group))
 
 
-def between(values: ArrayLike, low: float, high: float = np.inf) -> NDArray[np.bool_]:
+def is_between(values: ArrayLike, low: float, high: float = np.inf) -> NDArray[np.bool_]:
     """Mask of the values from ``low`` to ``high``, both included, though rounding may have moved them a bit outside."""
     values = np.asarray(values, dtype=float)
     return np.asarray((values >= low - RELATIVE_ROUNDING * abs(low)) & (values <= high + RELATIVE_ROUNDING * abs(high)))
 
 
-def steps_in(count: ArrayLike) -> Any:
+def count_steps(count: ArrayLike) -> Any:
     """Whole steps in ``count`` of them, as integers; one that is whole but for rounding is: in 0.3 / 0.1 are three."""
     count = np.asarray(count, dtype=float)
     found = np.floor(count + RELATIVE_ROUNDING * np.maximum(np.abs(count), 1.0)).astype(np.int64)
     return int(found) if found.ndim == 0 else found
 
 
-def instants(step: float, end: float, first: int = 0) -> Array:
+def list_multiples(step: float, end: float, first: int = 0) -> Array:
     """The multiples of ``step`` from ``first`` times it to ``end``, which is one of them if it is but for rounding."""
-    return np.asarray(step * np.arange(first, steps_in(end / step) + 1, dtype=float))
+    return np.asarray(step * np.arange(first, count_steps(end / step) + 1, dtype=float))
 
 
-def since(t: Array | float, start: Array | float) -> NDArray[np.bool_]:
+def at_or_after(t: Array | float, start: Array | float) -> NDArray[np.bool_]:
     """Mask of the instants from ``start`` ≥ 0 on, up to the last bits; one that is just before it is told apart."""
     return np.asarray(t >= start * (1 - _LAST_BITS))
 
 
-def extent(values: Array) -> tuple[float, float]:
+def find_range(values: Array) -> tuple[float, float]:
     """The range of a histogram of some values; where they are equal but for rounding, as wide as they are large."""
     low, high = float(values.min()), float(values.max())
     size = max(abs(low), abs(high))
@@ -112,7 +112,7 @@ def real(given: ArrayLike, what: str, error: type[Exception]) -> Array:
         ) from reason
 
 
-def balanced_modes(W: Array) -> tuple[Array, Array, Array]:
+def compute_balanced_modes(W: Array) -> tuple[Array, Array, Array]:
     """Scales s, eigenvalues λ and eigenvectors V of a symmetric matrix in the units of its diagonal, W = S V Λ VᵀS.
 
     There Λ does not depend on the units of the coordinates, so a weight that is small only by its unit is not lost in
@@ -168,7 +168,7 @@ def _acts(M: Array) -> NDArray[np.bool_]:
     return np.asarray(acts > 0)
 
 
-def exponential(M: Array) -> Array:
+def compute_exponential(M: Array) -> Array:
     """e^M, balanced first: where states differ by orders of magnitude, SciPy alone loses many digits.
 
     What does not act on a state, by no way through others, keeps an exact zero: round-off of x must not leak into d.
@@ -179,7 +179,7 @@ def exponential(M: Array) -> Array:
     return np.where(_acts(M), expm(balanced) * (scale[:, None] / scale), 0.0)
 
 
-def naturals(given: object, what: str, error: type[Exception]) -> NDArray[np.int64]:
+def as_naturals(given: object, what: str, error: type[Exception]) -> NDArray[np.int64]:
     """A vector of whole numbers from 0 to 2⁶³ − 1, or of one such number.
 
     Raises:

@@ -18,7 +18,7 @@ from icmj.base.array import Array
 
 
 @lru_cache(maxsize=64)
-def from_powers(degree: int) -> Array:
+def make_bernstein_matrix(degree: int) -> Array:
     """Matrix from power coefficients a_j (of θ^j) to Bernstein coefficients, shape (degree + 1, degree + 1).
 
     All entries lie in [0, 1], so the conversion in this direction loses no accuracy.
@@ -27,7 +27,7 @@ def from_powers(degree: int) -> Array:
 
 
 @lru_cache(maxsize=64)
-def halves(degree: int) -> tuple[Array, Array]:
+def make_halving_matrices(degree: int) -> tuple[Array, Array]:
     """De Casteljau's matrices from the coefficients on [0, 1] to those on [0, ½] and [½, 1]."""
     left = np.array([[comb(i, j) / 2.0**i for j in range(degree + 1)] for i in range(degree + 1)])
     return left, left[::-1, ::-1].copy()
@@ -48,7 +48,7 @@ class Maxima:
     s: Array
 
 
-def maxima(coefficients: Array, tolerance: float = 1e-14) -> Maxima:
+def find_maxima(coefficients: Array, tolerance: float = 1e-14) -> Maxima:
     """Maximum over all cells of each group.
 
     Args:
@@ -67,9 +67,9 @@ def maxima(coefficients: Array, tolerance: float = 1e-14) -> Maxima:
     slack = tolerance * size.max(axis=(0, 1))
     # most cells fall to this cheap bound, before any Bernstein coefficient is computed
     index, group = np.nonzero(coefficients[0] + size[1:].sum(axis=0) > value + slack)
-    b = from_powers(d) @ coefficients[:, index, group]
+    b = make_bernstein_matrix(d) @ coefficients[:, index, group]
     start, width = np.zeros(b.shape[1]), 1.0
-    left, right = halves(d)
+    left, right = make_halving_matrices(d)
     for _ in range(60):
         open_ = b.max(axis=0) > value[group] + slack[group]
         if not open_.any():

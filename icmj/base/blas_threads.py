@@ -13,7 +13,7 @@ from typing import Any
 _BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 
-def one_thread(environment: MutableMapping[str, str] | None = None) -> MutableMapping[str, str]:
+def set_one_thread(environment: MutableMapping[str, str] | None = None) -> MutableMapping[str, str]:
     """Let BLAS work in one thread, in ``environment`` (by default this process's), unless it says otherwise already.
 
     The matrices here are small: more threads only wait for each other, which takes a third more of the processor, and
@@ -66,7 +66,7 @@ def limit_to_one_thread() -> Iterator[None]:
     A matrix of some hundred columns is shared out among threads, and what a sum is to the last bit depends on their
     number. The number is the whole process's: who leaves last gives back what was there.
     """
-    before = [library.get_num_threads() for library in _libraries()]
+    before = [library.get_num_threads() for library in find_libraries()]
     _set_threads([1] * len(before))
     try:
         yield
@@ -75,7 +75,7 @@ def limit_to_one_thread() -> Iterator[None]:
 
 
 def _set_threads(threads: list[int]) -> None:
-    for library, number in zip(_libraries(), threads, strict=True):
+    for library, number in zip(find_libraries(), threads, strict=True):
         # a library of which one thread of Python sets the number, until it gives this up: the lock here sees to that
         release = getattr(library, "clear_controlling_thread", lambda *, force: None)
         release(force=True)
@@ -84,7 +84,7 @@ def _set_threads(threads: list[int]) -> None:
 
 
 @cache
-def _libraries() -> list[Any]:
+def find_libraries() -> list[Any]:
     """The BLAS of numpy and that of SciPy, which is another one; looked for once, as that takes milliseconds."""
     import scipy.linalg  # noqa: F401
     from threadpoolctl import ThreadpoolController

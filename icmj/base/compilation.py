@@ -5,9 +5,9 @@ and the same source runs as Python. That is for a debugger, for tests that compa
 compiled code cannot run.
 
 numba compiles anew when the source file changes that a function stands in, or its closure variables do, but not when a
-function does that it calls. So only entry points are kept, and each holds :func:`contents` of the folder of all that it
-calls as a closure variable. It must hold nothing else there: another compiled function would be a new one in every
-process, and nothing would ever be found on disk.
+function does that it calls. So only entry points are kept, and each holds :func:`hash_contents` of the folder of all
+that it calls as a closure variable. It must hold nothing else there: another compiled function would be a new one in
+every process, and nothing would ever be found on disk.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ except ImportError:  # no such locks here: each process compiles
     fcntl = None  # type: ignore[assignment]
 
 
-def contents(folder: Path, *more: str) -> int:
+def hash_contents(folder: Path, *more: str) -> int:
     """A hash that changes with any Python file in or below a folder, with this module, and with ``more``."""
     files = [path for place in (Path(__file__).parent, folder) for path in sorted(place.rglob("*.py"))]
     content = b"\0".join([*(file.read_bytes() for file in files), *map(str.encode, more)])

@@ -1,7 +1,7 @@
 """Whether something is compiled for the first time, in this process or in one that works for it, and for how long.
 
-Compiling takes about ten seconds after installation. Whoever shows what is under way asks :func:`compiling`, and of
-the time that passes how much of it is :func:`spent` so; a worker process passes its own state on by
+Compiling takes about ten seconds after installation. Whoever shows what is under way asks :func:`is_compiling`, and of
+the time that passes how much of it is :func:`read_compile_time` so; a worker process passes its own state on by
 :func:`listen_to_compiling`.
 """
 
@@ -16,12 +16,12 @@ USUAL = 10.0  # s that a loop takes to compile on a processor that does nothing 
 _since, _compiled_before = 0.0, 0.0  # when the present compilation began, and what all before it took [s]
 
 
-def compiling() -> bool:
+def is_compiling() -> bool:
     """Whether something is being compiled now."""
     return bool(_under_way)
 
 
-def spent() -> float:
+def read_compile_time() -> float:
     """Seconds since the start of this process during which something was compiled."""
     return _compiled_before + (time.monotonic() - _since if _under_way else 0.0)
 
@@ -38,7 +38,7 @@ def begin_compiling(who: Hashable = "here") -> None:
 def end_compiling(who: Hashable = "here", *, altogether: bool = False) -> None:
     """``who`` has finished compiling once, or does not compile any more at all."""
     global _compiled_before
-    before = spent()
+    before = read_compile_time()
     left = 0 if altogether else _under_way.get(who, 0) - 1
     if left > 0:
         _under_way[who] = left
@@ -50,10 +50,10 @@ def end_compiling(who: Hashable = "here", *, altogether: bool = False) -> None:
 
 
 def listen_to_compiling(listener: Callable[[bool], None]) -> None:
-    """Call ``listener`` with :func:`compiling` whenever something begins or ends."""
+    """Call ``listener`` with :func:`is_compiling` whenever something begins or ends."""
     _listeners.append(listener)
 
 
 def _report() -> None:
     for listener in _listeners:
-        listener(compiling())
+        listener(is_compiling())

@@ -45,13 +45,13 @@ def whole(target: Path) -> Iterator[Path]:
     The path is of this block alone, so that two processes may write the same target; the later one wins.
 
     Raises:
-        OSError: if it cannot be renamed, or what is there is not :func:`replaceable`.
+        OSError: if it cannot be renamed, or :func:`expect_replaceable` refuses what is there.
     """
-    replaceable(target)
+    expect_replaceable(target)
     part = _beside(target)
     try:
         yield part
-        replaceable(target)
+        expect_replaceable(target)
         os.replace(part, target)
     finally:
         with suppress(OSError):
@@ -59,7 +59,7 @@ def whole(target: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def scratch(target: Path) -> Iterator[Path]:
+def make_scratch(target: Path) -> Iterator[Path]:
     """A folder beside ``target`` for the length of the block.
 
     Raises:
@@ -73,7 +73,7 @@ def scratch(target: Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def replaceable(*targets: Path) -> None:
+def expect_replaceable(*targets: Path) -> None:
     """Check that these names belong to regular files, or to nothing; anything else must not be replaced.
 
     A link is refused, too, whatever it leads to: it would be replaced and not followed.
@@ -91,7 +91,7 @@ def replaceable(*targets: Path) -> None:
             raise OSError(errno.EEXIST, words, str(target))
 
 
-def regular(path: Path, flags: int) -> int:
+def open_regular(path: Path, flags: int) -> int:
     """The file descriptor of a regular file; neither a pipe is waited for, nor a device touched.
 
     Where it is opened for writing, no link is followed, and none of another name of the same file is accepted.
@@ -106,7 +106,7 @@ def regular(path: Path, flags: int) -> int:
     writes = bool(flags & (os.O_WRONLY | os.O_RDWR))
     try:
         if writes:
-            replaceable(path)
+            expect_replaceable(path)
         else:
             _refuse_irregular(path, os.stat(path))  # opening some devices does something to them
         flags |= sum(getattr(os, name, 0) for name in ("O_NONBLOCK", "O_CLOEXEC", "O_BINARY", "O_NOCTTY"))
@@ -133,7 +133,7 @@ def open_file(path: Path, most: float) -> io.BufferedReader:
     Raises:
         OSError: if it cannot be opened, is no regular file, or has more than ``most`` bytes; ``strerror`` says which.
     """
-    file = _BoundedReader(regular(path, os.O_RDONLY), path, most)
+    file = _BoundedReader(open_regular(path, os.O_RDONLY), path, most)
     try:
         file.refuse_beyond(os.fstat(file.fileno()).st_size)
     except OSError:
@@ -201,7 +201,7 @@ def lock(folder: Path, what: str) -> Iterator[None]:
     except ImportError:
         yield
         return
-    with os.fdopen(regular(folder / LOCK, os.O_RDWR | os.O_CREAT), "r+b") as file:
+    with os.fdopen(open_regular(folder / LOCK, os.O_RDWR | os.O_CREAT), "r+b") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -237,18 +237,18 @@ def write_bytes(target: Path, content: bytes) -> None:
         part.write_bytes(content)
 
 
-def ready(folder: Path, *names: str) -> None:
+def make_ready(folder: Path, *names: str) -> None:
     """Make ``folder`` if it is not there, clear what dead writers left in it, and see that it can be written to.
 
-    So that files of these ``names`` can be put into it, they are :func:`replaceable`.
+    So that files of these ``names`` can be put into it, they are checked by :func:`expect_replaceable`.
 
     Raises:
         OSError: if it cannot.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    replaceable(*(folder / name for name in names))
+    expect_replaceable(*(folder / name for name in names))
     clear_leftovers(folder)
-    with scratch(folder / "icmj") as inside:
+    with make_scratch(folder / "icmj") as inside:
         (inside / "probe").write_bytes(b"icmj")
 
 
@@ -292,10 +292,10 @@ def _left(path: Path, place: str, pid: int) -> bool:
             return time.time() - path.lstat().st_mtime > _A_DAY
         except OSError:
             return False
-    return not alive(pid)
+    return not is_alive(pid)
 
 
-def alive(pid: int) -> bool:
+def is_alive(pid: int) -> bool:
     """Whether a process of this number runs on this machine; always true on systems other than Unix."""
     if os.name != "posix":
         return True  # os.kill would not ask it, but end it

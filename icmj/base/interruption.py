@@ -37,7 +37,7 @@ class EndRequest:
 
 
 @contextmanager
-def terminable() -> Iterator[EndRequest]:
+def catch_termination() -> Iterator[EndRequest]:
     """Within the block SIGTERM and SIGHUP raise :class:`Termination`, unless they are ignored or have a handler.
 
     Code in other languages may turn an exception that falls into it into another one, or lose it. So what is yielded
@@ -127,8 +127,8 @@ def defer_interrupt() -> Iterator[None]:
 def interrupt_once() -> Iterator[Interrupt]:
     """Within the block Ctrl-C raises KeyboardInterrupt once; the code that catches it keeps its results and goes on.
 
-    A second one raises :class:`Termination`, which nothing catches that keeps anything. Without a :func:`terminable`
-    around it, or in another thread than the main one, it changes nothing.
+    A second one raises :class:`Termination`, which nothing catches that keeps anything. Without a
+    :func:`catch_termination` around it, or in another thread than the main one, it changes nothing.
     """
     before, heard = signal.getsignal(signal.SIGINT), Interrupt()
     bare = not callable(before) or before is signal.default_int_handler

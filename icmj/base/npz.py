@@ -34,10 +34,10 @@ def read_npz(path: Path | BinaryIO, most_bytes: float, only: Collection[str] = (
         ValueError: in one line, if they are more than so many bytes, or it cannot be read as an npz file.
         OSError: if the file cannot be opened.
     """
-    return dict(each_npz(path, most_bytes, only))
+    return dict(iterate_npz(path, most_bytes, only))
 
 
-def each_npz(path: Path | BinaryIO, most_bytes: float, only: Collection[str] = ()) -> Iterator[tuple[str, Any]]:
+def iterate_npz(path: Path | BinaryIO, most_bytes: float, only: Collection[str] = ()) -> Iterator[tuple[str, Any]]:
     """The arrays of :func:`read_npz`, one after the other, so that not all need be in memory at once.
 
     Raises:
@@ -55,7 +55,7 @@ def each_npz(path: Path | BinaryIO, most_bytes: float, only: Collection[str] = (
         raise ValueError(f"{size / 1e6:.0f} MB of arrays; expected at most {most_bytes / 1e6:g} MB")
 
 
-def npz_headers(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:
+def read_npz_headers(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:
     """Shape and type of each array in ``path`` by name, from their headers alone.
 
     Raises:

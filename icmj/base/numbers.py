@@ -60,7 +60,7 @@ def readable(unit: str) -> tuple[float, str]:
     return factor ** (2 if found[2] else 1), f"{name}{unit[len(found[1]) :]}"
 
 
-def lapse(seconds: float, figures: int = 3) -> str:
+def format_duration(seconds: float, figures: int = 3) -> str:
     """A length of time, from two minutes on in the unit of which there are two at least."""
     for unit, size in (("years", 365.25 * 86400), ("days", 86400.0), ("hours", 3600.0), ("min", 60.0)):
         if seconds >= 2 * size:

@@ -23,7 +23,7 @@ def collect_garbage_seldom() -> None:
     gc.set_threshold(300_000, 10, 10)
 
 
-def meanwhile(name: str) -> None:
+def import_in_background(name: str) -> None:
     """Import a module that is needed later, in a separate thread, while compiled code computes.
 
     Whoever imports it then waits for it; what goes wrong with it shows there.

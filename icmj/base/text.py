@@ -33,7 +33,7 @@ def one_line(text: object, longest: int = 4000) -> str:
     return line if len(line) <= longest else line[: longest - 1] + "…"
 
 
-def printable(text: str) -> str:
+def strip_controls(text: str) -> str:
     """``text`` without control sequences; line breaks and tabs stay."""
     return _UNPRINTABLE.sub("", text)
 
@@ -60,7 +60,7 @@ def parse_json(content: str | bytes) -> Any:
         raise ValueError(f"not JSON: {one_line(error, 160)}") from error
 
 
-def nearest(given: str, known: Iterable[str]) -> str | None:
+def find_nearest(given: str, known: Iterable[str]) -> str | None:
     """The most similar name among ``known`` to ``given``; ``None`` if none is similar.
 
     Capitals and separators do not count, because names are often written with others, or without them.
@@ -75,9 +75,9 @@ def nearest(given: str, known: Iterable[str]) -> str | None:
     return by_lower[found[0]] if found else None
 
 
-def did_you_mean(given: str, known: Iterable[str]) -> str:
+def suggest(given: str, known: Iterable[str]) -> str:
     """``; did you mean gain?``, or nothing if no name is near."""
-    near = nearest(given, known)
+    near = find_nearest(given, known)
     return f"; did you mean {near}?" if near is not None else ""
 
 
@@ -85,7 +85,7 @@ def _bare(name: str) -> str:
     return name.lower().replace("_", "").replace("-", "")
 
 
-def attribute_docstrings(cls: type) -> dict[str, str]:
+def read_attribute_docstrings(cls: type) -> dict[str, str]:
     """The docstrings under the attributes that a class declares itself, each in one line, by attribute."""
     (body,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
     assert isinstance(body, ast.ClassDef)

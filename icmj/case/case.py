@@ -19,7 +19,7 @@ from icmj.base.array import Array
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import count
-from icmj.base.text import did_you_mean, one_line
+from icmj.base.text import one_line, suggest
 from icmj.case.control import controller_of, setpoint_of
 from icmj.case.iosystem import AnyPlant
 from icmj.case.noise import refuse_beyond_theory, small_noise
@@ -30,7 +30,7 @@ from icmj.controller.law import Law
 from icmj.controller.setpoint import Setpoint
 from icmj.controller.trigger import EventRule, Trigger
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.reaction import with_pressure
+from icmj.engine.reaction import add_pressure
 from icmj.errors import AnalysisError, DesignError, IcmjError, RunFileError, SimulationError, expect, prefix_errors
 from icmj.plant.linear_plant import LinearPlant, Match, expect_linear, match_ports
 from icmj.plant.quality import Notice, permit
@@ -42,8 +42,8 @@ from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Simulation
 from icmj.theory.delay_roots import rightmost_roots
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.mode_loops import loops_of
-from icmj.theory.prediction import Prediction, predict, scaled
+from icmj.theory.mode_loops import list_loops
+from icmj.theory.prediction import Prediction, predict, scale_prediction
 from icmj.theory.spread import Spread, predict_spread
 
 DESIGN_FAILS = ("saturation", "uncontrollable", "unobservable")  # notices that say why there is no design
@@ -62,7 +62,7 @@ def check_names(run: RunFile, assumed: LinearPlant, plant: AnyPlant) -> None:
         wanted += [("simulation.disturbance", name, there) for name in named if name is not None]
     for key, name, known in wanted:
         if name not in known:
-            hint = did_you_mean(name, known) or f"; expected {'one of ' + ', '.join(known) if known else 'none'}"
+            hint = suggest(name, known) or f"; expected {'one of ' + ', '.join(known) if known else 'none'}"
             raise RunFileError(f"{run.path}: {key} names {name!r}, which the model lacks{hint}")
 
 
@@ -153,10 +153,10 @@ class Case(WithCard):
             ModelError, SimulationError: if plant and controller do not fit together, or the timestep is not usable.
         """
         from icmj.engine.closed_loop import close_loop
-        from icmj.engine.stepping import stepping_of
+        from icmj.engine.stepping import choose_stepping
 
         body = self.model.matched(self.controller.plant, "position")
-        return stepping_of(close_loop(body, self.controller, self.settings), self.settings)
+        return choose_stepping(close_loop(body, self.controller, self.settings), self.settings)
 
     @property
     def setpoint(self) -> Setpoint | None:
@@ -307,7 +307,7 @@ def revise(case: Case, run: RunFile) -> Case:
         followed = setpoint_of(run, case.controller.plant)
     prediction = theory.prediction
     if rule.size != theory.rule.size:
-        prediction = scaled(prediction, rule.size / theory.rule.size)
+        prediction = scale_prediction(prediction, rule.size / theory.rule.size)
     controller = replace(law.triggered_by(rule), setpoint=followed)
     theory = Theory(rule, theory.system, prediction)
     return replace(case, run=run, controller=controller, settings=run.simulation.settings(), theory=theory)
@@ -350,12 +350,12 @@ def simulate(
 
         there = there.matched(controller.plant, "position")
         run = simulate_mujoco(there, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
-        return with_pressure(there, controller, run)
+        return add_pressure(there, controller, run)
     from icmj.linear.run import simulate as simulate_linear
 
     there = match_ports(there, controller.plant, "position")
     run = simulate_linear(there, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
-    return with_pressure(case.model, controller, run) if isinstance(case.actual, MujocoPlant) else run
+    return add_pressure(case.model, controller, run) if isinstance(case.actual, MujocoPlant) else run
 
 
 def simulate_plant(
@@ -400,7 +400,7 @@ def simulate_plant(
         expect_linear(plant, "the plant to simulate")
     plant = plant.matched(controller.plant, match)
     run = simulate_mujoco(plant, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
-    return with_pressure(plant, controller, run)
+    return add_pressure(plant, controller, run)
 
 
 def open_loop(
@@ -503,4 +503,4 @@ def mode_roots(case: Case, count: int = 4) -> dict[str, np.ndarray]:
     """
     with prefix_errors(case.run.path):
         plant = linear_plant(case.actual, case.settings)
-        return {name: rightmost_roots(loop, count) for name, loop in loops_of(case.controller, plant).items()}
+        return {name: rightmost_roots(loop, count) for name, loop in list_loops(case.controller, plant).items()}

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from icmj.base.array import Array, leading
+from icmj.base.array import Array, argmax_abs
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import Fact, amount, collect_facts, count, ordinal, plain, relative
 from icmj.case.laid_orbit import beside, settled_on
@@ -29,7 +29,7 @@ from icmj.errors import AnalysisError
 from icmj.measurement.measurement import Measurement, measured_gamma
 from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant, transformation
-from icmj.simulation.simulation import Simulation, relative_error
+from icmj.simulation.simulation import Simulation, get_relative_error
 from icmj.theory.prediction import PREDICTION, Prediction
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ RUN = (
     _swept("events", "events", "", "events in the run", lambda of: len(of.simulation.events), "count"),
     _swept("step_error", "error by the step", "",
            "relative error by the engine's step, estimated on the last interval",
-           lambda of: relative_error(of.simulation), only="mujoco"),
+           lambda of: get_relative_error(of.simulation), only="mujoco"),
     _swept("interval_error", "confidence of the interval", "s",
            "half width of the 95 % confidence interval of the mean interval", _noisy("interval", "error"),
            only="noise"),
@@ -304,7 +304,7 @@ class RelativeError:
         """The amplitude error of largest magnitude, with its sign."""
         if self.amplitude is None or not len(self.amplitude):
             return None
-        return float(self.amplitude[leading(self.amplitude)])
+        return float(self.amplitude[argmax_abs(self.amplitude)])
 
 
 @dataclass(frozen=True, eq=False, repr=False)

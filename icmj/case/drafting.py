@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from icmj.case.case import Case, expect_theory, prepare
-from icmj.engine.inventory import Inventory, inventory
+from icmj.engine.inventory import Inventory, list_inventory
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.errors import IcmjError, ModelError
 from icmj.plant.body import OperatingKind, OperatingRule, Selection
@@ -224,7 +224,7 @@ def draft_run(model: Path, out: Path, keyframe: str | None = None) -> FirstRunFi
     Raises:
         ModelError: if the model cannot be loaded, or has no such keyframe.
     """
-    there = inventory(model)
+    there = list_inventory(model)
     if keyframe is not None and keyframe not in there.keyframes:
         raise ModelError(f"{model}: no keyframe {keyframe!r}; it has {', '.join(there.keyframes) or 'none'}")
     nothing = Draft(model, out, there, keyframe, "as given", None, "joints", (), 1.0, 1.0)

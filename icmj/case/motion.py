@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, between
+from icmj.base.array import Array, is_between
 from icmj.case.result import Result
 from icmj.measurement.measurement import reduced_states
 from icmj.plant.linear_plant import transformation
@@ -35,17 +35,17 @@ def curve(result: Result, start: float, end: float) -> tuple[Array, Array]:
     """
     run, n_y = result.simulation, result.actual.n_y
     began = run.events.t[run.events.t < start - NEAR]
-    rows = between(run.t, began[-1] if len(began) else run.t[0], end)
+    rows = is_between(run.t, began[-1] if len(began) else run.t[0], end)
     t, values = run.t[rows], np.hstack([run.y, output_rate(result, run.x, run.u)])[rows]
     if len(t) > 1 and np.isfinite(values).all():
         t, values = _refine(result, t, values)
-    late = between(t, start, end)
+    late = is_between(t, start, end)
     t, values = t[late], values[late]
     # where an input acts on an output's rate at once, that jumps with it, and the curve has a gap
     jumping = np.flatnonzero(np.abs(result.actual.C @ result.actual.B).max(axis=1) > 0)
     if len(jumping):
         bends = np.unique(np.concatenate(run.breaks))
-        gaps = np.unique(np.searchsorted(t, bends[between(bends, start, end)] + NEAR))
+        gaps = np.unique(np.searchsorted(t, bends[is_between(bends, start, end)] + NEAR))
         gaps = gaps[(gaps > 0) & (gaps < len(t))]
         gap = values[gaps - 1]
         gap[:, n_y + jumping] = np.nan
@@ -61,7 +61,7 @@ def _refine(result: Result, t: Array, values: Array) -> tuple[Array, Array]:
     steady = np.arange(2 * n_y) < (n_y if (plant.C @ plant.B).any() else 2 * n_y)
 
     def at(times: Array) -> Array:
-        return piecewise(t, values, times, jumps=resets[between(resets, t[0], t[-1])], breaks=others, steady=steady)
+        return piecewise(t, values, times, jumps=resets[is_between(resets, t[0], t[-1])], breaks=others, steady=steady)
 
     middle, extent = at((t[1:] + t[:-1]) / 2), np.ptp(values, axis=0)
     off = np.abs(middle - (values[1:] + values[:-1]) / 2) / np.where(extent > 0, extent, 1)

@@ -12,7 +12,7 @@ from icmj.controller.trigger import EventRule
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.runfile.schema import RunFile
-from icmj.simulation.disturbance import LOW_PASS_END, acting_on
+from icmj.simulation.disturbance import LOW_PASS_END, make_acting
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Gaussian, Impulse, Noise, Source
 from icmj.theory.error_system import error_system
@@ -37,7 +37,7 @@ def small_noise(plant: LinearPlant, settings: Settings) -> tuple[SmallNoise, ...
         AnalysisError: if one is no small stationary noise, has a spectrum that no few states give, or depends on
             another.
     """
-    acting_on(plant, settings)
+    make_acting(plant, settings)
     found: dict[tuple[object, ...], SmallNoise] = {}
     spectra: dict[int, tuple[object, ...]] = {}
     for signal, noise in _signals(plant, settings.disturbance):

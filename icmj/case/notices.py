@@ -9,11 +9,11 @@ import numpy as np
 
 from icmj.case.iosystem import AnyPlant
 from icmj.case.plants import keyframe_of
-from icmj.engine.corners import corners
+from icmj.engine.corners import find_corners
 from icmj.engine.plant import MujocoPlant
 from icmj.plant.quality import Notice
 from icmj.runfile.schema import RunFile
-from icmj.simulation.disturbance import expected, realised
+from icmj.simulation.disturbance import bound_realisation, measure_realisation
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Noise
 from icmj.theory.prediction import Prediction
@@ -74,10 +74,10 @@ def slow_noise(settings: Settings) -> Iterator[Notice]:
         edge = noise.bandwidth or noise.corner or 0.0
         if edge * (settings.duration - noise.start) > MANY:
             continue
-        low, high = expected(noise, settings.duration)
+        low, high = bound_realisation(noise, settings.duration)
         if low > (1 - SLOW) * noise.size:
             continue
-        mean, deviation = realised(noise, settings.duration)
+        mean, deviation = measure_realisation(noise, settings.duration)
         words = (
             f"{noise.output if noise.input is None else noise.input}, whose SD is {deviation:.2g} about a mean of "
             f"{mean:.2g} with this seed (nominal {noise.size:g}; 95 % of seeds {low:.2g} to {high:.2g})"
@@ -114,4 +114,4 @@ def reach(actual: AnyPlant, prediction: Prediction) -> Iterator[Notice]:
     x, u = orbit.X[:, :n], orbit.u
     if orbit.sign < 0:  # the other half is the mirror image
         x, u = np.vstack([x, -x]), np.vstack([u, -u])
-    yield from corners(actual, x, u)
+    yield from find_corners(actual, x, u)

@@ -10,7 +10,7 @@ import numpy as np
 from icmj.case.iosystem import AnyPlant
 from icmj.case.matrices import actual_matrices, assumed_matrices
 from icmj.engine.deviation import Deviation
-from icmj.engine.inventory import inventory
+from icmj.engine.inventory import list_inventory
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.errors import RunFileError
 from icmj.plant.body import Selection
@@ -108,7 +108,7 @@ def keyframe_of(run: RunFile) -> str | None:
     """The actual plant's: its own, or that of the assumed plant if its model has one of this name."""
     if run.actual.keyframe is not None or run.actual.model is None:
         return run.actual.keyframe or run.assumed.keyframe
-    known = inventory(run.actual_path).keyframes
+    known = list_inventory(run.actual_path).keyframes
     return run.assumed.keyframe if run.assumed.keyframe in known else None
 
 

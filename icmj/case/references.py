@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from icmj.engine.model_files import files_of
+from icmj.engine.model_files import list_files
 from icmj.errors import RunFileError
 from icmj.runfile.schema import RunFile
 from icmj.runfile.target import find_files
@@ -31,7 +31,7 @@ def plant_files(run: RunFile) -> tuple[Path, ...]:
         if path.suffix in (".npz", ".json"):
             found[path] = None
         elif path.suffix != ".toml":
-            found |= dict.fromkeys(files_of(path))
+            found |= dict.fromkeys(list_files(path))
     return tuple(found | dict.fromkeys(find_files(run.setpoint, run.path)))
 
 

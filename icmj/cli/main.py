@@ -15,9 +15,9 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import TextIO
 
-from icmj.base.address_space import LEAST_ROOM, narrow, sparing
-from icmj.base.blas_threads import one_thread
-from icmj.base.interruption import EndRequest, Termination, terminable
+from icmj.base.address_space import LEAST_ROOM, address_space_too_small, reserve_little
+from icmj.base.blas_threads import set_one_thread
+from icmj.base.interruption import EndRequest, Termination, catch_termination
 from icmj.base.process import collect_garbage_seldom, load_matplotlib_apart
 from icmj.base.text import one_line, spell
 from icmj.cli.arguments import refuse_values
@@ -35,12 +35,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # no pictures are drawn by MuJoCo here; else it loads a window library, in a process that a signal finds talking
     os.environ.setdefault("MUJOCO_GL", "disable")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # for which all that is installed would be searched
-    one_thread()
-    sparing()
+    set_one_thread()
+    reserve_little()
     collect_garbage_seldom()
     asked = EndRequest()
     try:
-        with _open_streams(), _silence_libraries(), terminable() as asked:
+        with _open_streams(), _silence_libraries(), catch_termination() as asked:
             return _obey(sys.argv[1:] if arguments is None else list(arguments))
     except KeyboardInterrupt:
         return _say("interrupted", INTERRUPTED)
@@ -98,7 +98,7 @@ def _obey(arguments: list[str]) -> int:
         except SystemExit as stop:
             sys.stdout.flush()
             return stop.code if isinstance(stop.code, int) else 0  # help
-        if (room := narrow()) is not None:
+        if (room := address_space_too_small()) is not None:
             return _say(
                 f"ulimit -v leaves {room / 1e9:.2g} GB of addresses, and the libraries need {LEAST_ROOM / 1e9:.2g} GB; "
                 "raise it",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 
-from icmj.base.text import did_you_mean
+from icmj.base.text import suggest
 from icmj.cli.arguments import Command
 from icmj.cli.commands import COMMANDS
 from icmj.cli.parsing import COMPLETION, STYLE, Parser, fill
@@ -43,7 +43,7 @@ def write_completion(shell: str) -> str:
     import shtab
 
     if shell not in _SHELLS:
-        raise IcmjError(f"{COMPLETION}: expected {' or '.join(_SHELLS)}, got {shell!r}{did_you_mean(shell, _SHELLS)}")
+        raise IcmjError(f"{COMPLETION}: expected {' or '.join(_SHELLS)}, got {shell!r}{suggest(shell, _SHELLS)}")
     parser = Parser("icmj", **STYLE)
     commands = parser.add_subparsers()
     for name in COMMANDS.names:

@@ -14,7 +14,7 @@ from dataclasses import MISSING, is_dataclass
 from types import NoneType
 from typing import Any, Literal, NoReturn, get_args, get_origin
 
-from icmj.base.text import attribute_docstrings, did_you_mean, one_line
+from icmj.base.text import one_line, read_attribute_docstrings, suggest
 from icmj.cli.arguments import Command, Given, list_arguments, name_option
 from icmj.cli.commands import COMMANDS
 from icmj.errors import IcmjError
@@ -41,7 +41,7 @@ def parse(words: list[str]) -> Command:
     if name.startswith("-"):
         raise IcmjError(f"icmj has no option {_suggest(name, ['--help', '--version', COMPLETION])}; see icmj --help")
     if name not in COMMANDS.names:
-        hint = did_you_mean(name, COMMANDS.names) or f"; there are {', '.join(COMMANDS.names)}"
+        hint = suggest(name, COMMANDS.names) or f"; there are {', '.join(COMMANDS.names)}"
         raise IcmjError(f"no command {name!r}{hint}; see icmj --help")
     cls: type[Command] = COMMANDS[name].COMMAND.complete()
     parser = Parser(f"icmj {name}", **STYLE)
@@ -70,7 +70,7 @@ def parse(words: list[str]) -> Command:
 
 
 def _suggest(option: str, known: Sequence[str]) -> str:
-    return f"{one_line(option, 80)}{did_you_mean(option, known)}"
+    return f"{one_line(option, 80)}{suggest(option, known)}"
 
 
 def fill(parser: argparse.ArgumentParser, cls: type[Command], helped: bool, files: object = None) -> list[str]:
@@ -89,7 +89,7 @@ def fill(parser: argparse.ArgumentParser, cls: type[Command], helped: bool, file
     meanings: dict[str, str] = {}
     for owner in filter(is_dataclass, reversed(cls.__mro__)) if helped else ():
         if vars(sys.modules[owner.__module__]).get(owner.__name__) is owner:  # not one that was extended
-            meanings |= attribute_docstrings(owner)
+            meanings |= read_attribute_docstrings(owner)
     general = parser.add_argument_group("general options")
     names = []
     for field, kind, given in list_arguments(cls):
@@ -135,7 +135,7 @@ def _describe_values(kind: Any, given: Given) -> dict[str, Any]:
 def _choose(known: tuple[str, ...]) -> Callable[[str], str]:
     def choose(word: str) -> str:
         if word not in known:
-            hint = did_you_mean(word, known)
+            hint = suggest(word, known)
             raise argparse.ArgumentTypeError(f"expected {' or '.join(sorted(known))}, got {word!r}{hint}")
         return word
 

@@ -111,7 +111,7 @@ class Remaining:
 
     @staticmethod
     def _clock() -> float:
-        return time.monotonic() - compile_clock.spent()
+        return time.monotonic() - compile_clock.read_compile_time()
 
     def note(self, done: float) -> None:
         """The completed fraction, now."""
@@ -144,12 +144,12 @@ def _log(label: str) -> None:
 
 def _estimate_compilation() -> float:
     """The time that a loop which is compiled now will still take, or 0 [s]."""
-    return max(compile_clock.USUAL - compile_clock.spent(), 0.0) if compile_clock.compiling() else 0.0
+    return max(compile_clock.USUAL - compile_clock.read_compile_time(), 0.0) if compile_clock.is_compiling() else 0.0
 
 
 def _say_compilation() -> str:
     """What is said of a loop that is compiled now; empty where none is."""
-    if not compile_clock.compiling():
+    if not compile_clock.is_compiling():
         return ""
     left = _estimate_compilation()
     return f"compiling (first run only{f', about {_round_time(left)}' if left >= 1 else ''})"
@@ -157,7 +157,7 @@ def _say_compilation() -> str:
 
 def _round_time(seconds: float) -> str:
     """To whole seconds, or to five of them or two digits where there are many."""
-    from icmj.base.numbers import lapse
+    from icmj.base.numbers import format_duration
 
     step = 1 if seconds < 10 else 5
-    return lapse(step * round(seconds / step), 2)
+    return format_duration(step * round(seconds / step), 2)

@@ -16,7 +16,7 @@ from typing import Any
 from rich.console import Console, ConsoleDimensions, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
-from icmj.base.text import printable
+from icmj.base.text import strip_controls
 
 ENDLESS = 100_000  # columns of a stream that is no terminal
 
@@ -52,7 +52,7 @@ class Terminal(Console):
 
     def show(self, record: object, *, indent: int | None = 2) -> None:
         """A record as JSON, in ASCII."""
-        self.file.write(printable(json.dumps(record, indent=indent, allow_nan=False)) + "\n")
+        self.file.write(strip_controls(json.dumps(record, indent=indent, allow_nan=False)) + "\n")
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print like rich; errors of standard error are ignored."""
@@ -62,7 +62,7 @@ class Terminal(Console):
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Render segments with control characters removed, except rich's own."""
         for segment in super().render(renderable, options):
-            yield segment if segment.control else Segment(printable(segment.text), segment.style)
+            yield segment if segment.control else Segment(strip_controls(segment.text), segment.style)
 
     def on_broken_pipe(self) -> None:
         """Raise BrokenPipeError where the reader closed the pipe; rich would exit the process."""

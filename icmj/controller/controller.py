@@ -23,7 +23,7 @@ from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.controller.law import Law
 from icmj.controller.layout import Layout
-from icmj.controller.model_prediction import predictor
+from icmj.controller.model_prediction import make_predictor
 from icmj.controller.realisation import Mode, Rates, Realisation
 from icmj.controller.setpoint import Setpoint
 from icmj.controller.trigger import ClockTrigger, Continuous, Faces, Kind, Trigger
@@ -136,7 +136,7 @@ def has_trigger(law: Law) -> TypeGuard[Controller]:
     return isinstance(getattr(law, "trigger", None), Trigger)
 
 
-def layout_of(controller: Controller) -> Layout:
+def make_layout(controller: Controller) -> Layout:
     """The controller's states: what the observer knows, the hold, and with a delay the predictions still to act."""
     n = controller.model[0].plant.n
     slots = controller.delay.in_flight(controller.trigger.clock)
@@ -151,7 +151,7 @@ def start_state(controller: Controller, x_o: Array, x_h: Array) -> Array:
     Raises:
         AnalysisError: if the trigger does not fit the design.
     """
-    layout = layout_of(controller)
+    layout = make_layout(controller)
     if controller.setpoint:
         x_o, x_h = (np.append(x, controller.setpoint(0.0)) for x in (x_o, x_h))
     if "pending" not in layout.names:
@@ -186,7 +186,7 @@ def realise(controller: Controller) -> Realisation:
 
 
 def _realise_states(controller: Controller) -> Realisation:
-    (design, hold), layout, trigger = controller.model, layout_of(controller), controller.trigger
+    (design, hold), layout, trigger = controller.model, make_layout(controller), controller.trigger
     o, h, n_y, r = layout["x_o"], layout["x_h"], design.plant.n_y, design.plant.n - controller.plant.n
     M, K = np.zeros((layout.size, layout.size)), np.zeros((design.plant.n_u, layout.size))
     N, J, G = np.zeros((layout.size, n_y + r)), np.eye(layout.size), np.eye(layout.size)
@@ -232,7 +232,7 @@ def _add_delay(controller: Controller, layout: Layout, J: Array, G: Array) -> No
     for place, following in pairwise(places):
         J[place] = before[following]
     times = _expect_actions(controller)
-    E_p = predictor(*controller.model, controller.delay.predicted, times)
+    E_p = make_predictor(*controller.model, controller.delay.predicted, times)
     inputs = [layout["x_o"], layout["x_h"], *places[slots - len(times) :]]
     J[places[-1]] = sum(E_p[:, i * n : (i + 1) * n] @ before[place] for i, place in enumerate(inputs))
     G[layout["x_h"]] = before[places[0]]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from icmj.base.array import SEMIDEFINITE, Array, balanced_modes, real
+from icmj.base.array import SEMIDEFINITE, Array, compute_balanced_modes, real
 from icmj.base.blas_threads import ignore_warnings, limit_to_one_thread
 from icmj.base.text import one_line
 from icmj.errors import DesignError
@@ -140,12 +140,12 @@ def _square(weight: ArrayLike, size: int, name: str) -> Array:
 
 
 def _semidefinite(W: Array, name: str) -> Array:
-    if balanced_modes(W)[1][0] < -SEMIDEFINITE:
+    if compute_balanced_modes(W)[1][0] < -SEMIDEFINITE:
         raise DesignError(f"weight {name} has a negative eigenvalue; it must not reward what it weighs")
     return W
 
 
 def _definite(W: Array, name: str) -> Array:
-    if not balanced_modes(W)[1][0] > 0:
+    if not compute_balanced_modes(W)[1][0] > 0:
         raise DesignError(f"weight {name} must be positive in every direction; it has an eigenvalue that is not")
     return W

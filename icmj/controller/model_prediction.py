@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from icmj.base.array import Array, exponential
+from icmj.base.array import Array, compute_exponential
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.errors import AnalysisError
@@ -17,7 +17,7 @@ from icmj.errors import AnalysisError
 GROWTH = 36.0  # e³⁶: over a delay with more growth than that, rounding is as large as the state that is predicted
 
 
-def predictor(design: Design, hold: Hold, delay: float, resets: Sequence[float] = ()) -> Array:
+def make_predictor(design: Design, hold: Hold, delay: float, resets: Sequence[float] = ()) -> Array:
     """E_p, which takes (x_o, x_h, p_1 … p_r) to the state of the model after ``delay``.
 
     It is the first block row of expm([[Â, −B̂k̂], [0, A_h]] t_d), taken through resets x_h := p_j on the way.
@@ -43,8 +43,8 @@ def predictor(design: Design, hold: Hold, delay: float, resets: Sequence[float] 
         )
     state, now = np.eye(2 * n, known * n), 0.0
     for j, at in enumerate(resets):
-        state = exponential(M * (at - now)) @ state
+        state = compute_exponential(M * (at - now)) @ state
         state[n:] = 0
         state[n:, (2 + j) * n : (3 + j) * n] = np.eye(n)
         now = at
-    return np.asarray((exponential(M * (delay - now)) @ state)[:n])
+    return np.asarray((compute_exponential(M * (delay - now)) @ state)[:n])

@@ -29,7 +29,7 @@ from numbers import Real
 
 import numpy as np
 
-from icmj.base.array import RELATIVE_ROUNDING, Array, naturals, real
+from icmj.base.array import RELATIVE_ROUNDING, Array, as_naturals, real
 from icmj.base.text import one_line
 from icmj.controller.layout import Layout
 from icmj.errors import AnalysisError
@@ -227,7 +227,7 @@ class Realisation:
                 given = np.where(np.arange(6) == 5, np.minimum(given, np.finfo(float).max), given)  # may have no end
             _expect_matrix(given, f"{name} of a controller", shape)
             object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
-        cuts = naturals(self.cuts, "cuts of a controller", AnalysisError)
+        cuts = as_naturals(self.cuts, "cuts of a controller", AnalysisError)
         if not len(cuts) or cuts[0] != 0 or cuts[-1] != len(self.R) or np.any(np.diff(cuts) <= 0):
             raise AnalysisError(
                 f"cuts of a controller are {cuts.tolist()}; expected rising numbers from 0 to {len(self.R)}, the "
@@ -248,7 +248,9 @@ class Realisation:
             raise AnalysisError(f"a controller has {len(self.guards)} guards; at most {_MOST_GUARDS} are possible")
         if len(self.watched) not in (0, count) or len(self.after) not in (0, count):
             raise AnalysisError(f"watched and after of a controller have one entry for each of its {count} modes")
-        object.__setattr__(self, "after", tuple(naturals(self.after, "after of a controller", AnalysisError).tolist()))
+        object.__setattr__(
+            self, "after", tuple(as_naturals(self.after, "after of a controller", AnalysisError).tolist())
+        )
         if self.guards and self.table is None:
             raise AnalysisError("a controller with guards needs a table that gives the next mode for their signs")
         if self.table is not None:
@@ -257,7 +259,7 @@ class Realisation:
                     f"the table of modes has the shape {np.shape(self.table)}; expected {(count, patterns)}, modes by "
                     "patterns of signs"
                 )
-            table = naturals(np.ravel(self.table), "the table of modes", AnalysisError)
+            table = as_naturals(np.ravel(self.table), "the table of modes", AnalysisError)
             object.__setattr__(self, "table", table.reshape(count, patterns))
         if not all(0 <= mode < count for mode in (*self.after, *np.ravel([] if self.table is None else self.table))):
             raise AnalysisError(f"a mode follows that does not exist; there are {count}, counted from 0")

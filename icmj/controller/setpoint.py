@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, since, steps_in
+from icmj.base.array import Array, at_or_after, count_steps
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.controller.trigger import Faces
@@ -53,7 +53,7 @@ class Setpoint:
         for channel, a, omega, phi, start, end in self.terms:
             lasted = np.clip(t, start, end) - start
             if start == end:
-                gone = a * since(t, start)
+                gone = a * at_or_after(t, start)
             elif omega == 0:
                 gone = a * np.cos(phi) * lasted
             else:
@@ -191,10 +191,10 @@ def ternary(size: float, interval: float, start: float, end: float) -> Array:
         register = [number, *register[:-1]]
         velocity.append(number if number < 2 else -1)
     path = np.cumsum([0, *velocity]) * interval
-    v = size / np.ptp(path) * np.tile(velocity, max(-steps_in((start - end) / interval / len(velocity)), 1))
+    v = size / np.ptp(path) * np.tile(velocity, max(-count_steps((start - end) / interval / len(velocity)), 1))
     cuts = np.flatnonzero(np.diff(v, prepend=np.nan, append=np.nan) != 0)
     parts = [(v[i], 0.0, 0.0, start + i * interval, start + j * interval) for i, j in pairwise(cuts)]
-    return np.array([part for part in parts if part[0] != 0 and not since(float(part[3]), end)]).reshape(-1, 5)
+    return np.array([part for part in parts if part[0] != 0 and not at_or_after(float(part[3]), end)]).reshape(-1, 5)
 
 
 def _row(plant: LinearPlant, target: Target) -> tuple[Array, str, str]:

@@ -29,7 +29,7 @@ from icmj.plant.linear_plant import LinearPlant, expect_linear
 ON, OFF = 0, 1
 
 
-def slope_of(share: float) -> float:
+def compute_slope(share: float) -> float:
     """Slope a [1/s] of the switching line for which feedback is on in a share ρ of the plane: a = −tan(π(ρ − ½)).
 
     Args:

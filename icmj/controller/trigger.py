@@ -100,7 +100,7 @@ class ClockTrigger(Trigger):
         return self.interval
 
     def faces(self, design: Design) -> Faces:
-        return no_faces(design.plant.n)
+        return make_no_faces(design.plant.n)
 
     def facts(self) -> Mapping[str, Any]:
         return {"clock": self.interval}
@@ -114,7 +114,7 @@ class Continuous(Trigger):
     holds = False
 
     def faces(self, design: Design) -> Faces:
-        return no_faces(design.plant.n)
+        return make_no_faces(design.plant.n)
 
     def facts(self) -> Mapping[str, Any]:
         return {}
@@ -226,7 +226,7 @@ class Faces:
         return levels
 
 
-def no_faces(n_hat: int) -> Faces:
+def make_no_faces(n_hat: int) -> Faces:
     """No event function at all."""
     return Faces(np.zeros((0, n_hat)), np.zeros(1, dtype=int))
 

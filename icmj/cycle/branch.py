@@ -219,7 +219,7 @@ def read_branch(path: Path | str) -> Branch:
         raise LogError(f"{path}: not a branch that icmj wrote ({one_line(error, 200)})") from error
 
 
-def branches_among(paths: Sequence[Path]) -> tuple[list[Branch], list[Path]]:
+def read_branches(paths: Sequence[Path]) -> tuple[list[Branch], list[Path]]:
     """The branches that Parquet files among some paths hold, and the other paths.
 
     Raises:
@@ -238,7 +238,7 @@ def pack(branch: Branch) -> tuple[str, dict[str, Array]]:
             values = np.stack([values.real, values.imag], axis=-1)
         shapes[name] = list(values.shape[1:])
         flat[name] = np.ascontiguousarray(values, dtype=float).ravel()
-    return json.dumps(_head(branch, shapes)), flat
+    return json.dumps(make_head(branch, shapes)), flat
 
 
 def unpack(text: str, flat: Mapping[str, Array]) -> Branch:
@@ -255,10 +255,10 @@ def unpack(text: str, flat: Mapping[str, Array]) -> Branch:
     for name in COLUMNS:
         parts[name] = np.array(flat[name], dtype=float).reshape([len(flat["value"]), *head["shapes"][name]])
     parts["multipliers"] = parts["multipliers"][..., 0] + 1j * parts["multipliers"][..., 1]
-    return _branch(head, parts)
+    return make_branch(head, parts)
 
 
-def _head(branch: Branch, shapes: dict[str, list[int]]) -> dict[str, Any]:
+def make_head(branch: Branch, shapes: dict[str, list[int]]) -> dict[str, Any]:
     rest = {f.name: getattr(branch, f.name) for f in fields(branch) if f.name not in (*COLUMNS, "run", "specials")}
     return {
         **{name: value.tolist() if name in _LISTED else value for name, value in rest.items()},
@@ -278,7 +278,7 @@ def _head(branch: Branch, shapes: dict[str, list[int]]) -> dict[str, Any]:
     }
 
 
-def _branch(head: dict[str, Any], parts: dict[str, Any]) -> Branch:
+def make_branch(head: dict[str, Any], parts: dict[str, Any]) -> Branch:
     specials = []
     for s in head["specials"]:
         if s["kind"] not in KINDS:

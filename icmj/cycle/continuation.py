@@ -13,12 +13,12 @@ from icmj.cycle.branch import Branch, SpecialPoint
 from icmj.cycle.curve import Curve, Miss, Range, correct
 from icmj.cycle.cycle import LONGEST, Start, close_cycle
 from icmj.cycle.family import ReturnMaps
-from icmj.cycle.guess import Guess, from_prediction, from_simulation
-from icmj.cycle.jacobian import fast_jacobian
-from icmj.cycle.parameter import parameter
-from icmj.cycle.point import point
+from icmj.cycle.guess import Guess, guess_from_prediction, guess_from_simulation
+from icmj.cycle.jacobian import compute_jacobian
+from icmj.cycle.parameter import find_parameter
+from icmj.cycle.point import make_point
 from icmj.cycle.return_map import PlantKind, ReturnMap
-from icmj.cycle.stability_changes import direction
+from icmj.cycle.stability_changes import find_direction
 from icmj.cycle.walk import Walk, walk
 from icmj.errors import CycleError, prefix_errors
 from icmj.runfile.schema import RunFile
@@ -56,7 +56,7 @@ def follow(
         CycleError: if there is no such parameter, or no cycle to start from, with the reason.
         IcmjError: if the run file does not allow a value, or no loop can be formed from it.
     """
-    of = parameter(name)
+    of = find_parameter(name)
     first = of.value(run) if start_at is None else start_at
     over, run = Range(first, to), of.put(run, first)
     if isinstance(start, Guess):
@@ -78,11 +78,11 @@ def follow(
     N = len(found.z)
     row = np.append(np.zeros(N), 1.0)
     unit = curve.unit(loop)
-    G = curve.sign * fast_jacobian(loop, found.turn, unit) * (unit[None, :] / unit[:, None]) - np.eye(N)
+    G = curve.sign * compute_jacobian(loop, found.turn, unit) * (unit[None, :] / unit[:, None]) - np.eye(N)
     at = correct(curve, curve.u(found.z, 0.0), np.column_stack([G, np.zeros(N)]), row)
     assert not isinstance(at, Miss)
-    walked = walk(curve, point(curve, at), points=points, neutral=found.neutral, progress=progress)
-    return _branch(curve, walked, run, found.neutral)
+    walked = walk(curve, make_point(curve, at), points=points, neutral=found.neutral, progress=progress)
+    return join_branch(curve, walked, run, found.neutral)
 
 
 @limit_to_one_thread()
@@ -109,7 +109,7 @@ def branch_off(
     """
     if special.kind not in BRANCHING:
         raise CycleError(f"nothing branches off from a {special.kind}; take one of {', '.join(BRANCHING)}")
-    of = parameter(branch.parameter)
+    of = find_parameter(branch.parameter)
     doubled = special.kind != "branch point"
     p = len(special.intervals) * (2 if doubled else 1)
     sign = 1 if doubled else branch.sign
@@ -123,8 +123,8 @@ def branch_off(
     loop = curve.loop(sigma)
     unit = curve.unit(loop)
     turn = loop.turn(special.state, len(special.intervals))
-    J = fast_jacobian(loop, turn, unit)
-    v = direction(J * (unit[None, :] / unit[:, None]), special.multiplier)
+    J = compute_jacobian(loop, turn, unit)
+    v = find_direction(J * (unit[None, :] / unit[:, None]), special.multiplier)
     u = curve.u(special.state, sigma)
     curve.weigh(u)
     J = J @ J if doubled else J
@@ -135,7 +135,7 @@ def branch_off(
     v /= np.abs(v).max()
     tangent = np.append(v, 0.0)
     if not doubled:  # across the branch that is known
-        along = _known_tangent(curve, branch, special)
+        along = find_tangent(curve, branch, special)
         tangent -= curve.normal(along) @ tangent / (curve.normal(along) @ along) * along
     for shorter in (1.0, 0.3, 0.1, 3.0):
         step = away * shorter * tangent
@@ -145,12 +145,12 @@ def branch_off(
     else:
         raise CycleError(f"no cycle was found on the branch that leaves at {branch.parameter} = {special.value:.6g}")
     walked = walk(
-        curve, point(curve, found), points=points, tangent=found.u - u, neutral=branch.neutral, progress=progress
+        curve, make_point(curve, found), points=points, tangent=found.u - u, neutral=branch.neutral, progress=progress
     )
-    return _branch(curve, walked, branch.run, branch.neutral)
+    return join_branch(curve, walked, branch.run, branch.neutral)
 
 
-def _known_tangent(curve: Curve, branch: Branch, special: SpecialPoint) -> Array:
+def find_tangent(curve: Curve, branch: Branch, special: SpecialPoint) -> Array:
     i = min(special.index, len(branch) - 2)
     ends = [curve.u(branch.states[j, 0], curve.range.sigma(float(branch.value[j]))) for j in (i, i + 1)]
     return np.asarray(ends[1] - ends[0])
@@ -159,15 +159,15 @@ def _known_tangent(curve: Curve, branch: Branch, special: SpecialPoint) -> Array
 def _guess(theory: Theory, loop: ReturnMap, start: Start) -> Guess:
     orbit = theory.prediction.orbit
     if start == "prediction" or (start == "auto" and orbit is not None and np.isfinite(orbit.gamma)):
-        return from_prediction(theory, loop, theory.rule.size)
-    return from_simulation(loop, theory.system.T_hat)
+        return guess_from_prediction(theory, loop, theory.rule.size)
+    return guess_from_simulation(loop, theory.system.T_hat)
 
 
 def _size(family: ReturnMaps, value: float) -> float:
     return float(getattr(family.at(value).controller.trigger, "size", 1.0))
 
 
-def _branch(curve: Curve, walked: Walk, run: RunFile, neutral: int) -> Branch:
+def join_branch(curve: Curve, walked: Walk, run: RunFile, neutral: int) -> Branch:
     """A walk as a branch, its courses laid end to end."""
     points, plant = walked.points, curve.loop(walked.points[0].sigma).linear
 

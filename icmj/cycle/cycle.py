@@ -13,9 +13,9 @@ from icmj.base.array import RELATIVE_ROUNDING, Array
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.case.case import Case, expect_rule, expect_theory
 from icmj.case.plants import linear_plant
-from icmj.cycle.guess import Guess, from_prediction, from_simulation
-from icmj.cycle.jacobian import fast_jacobian, jacobian, multipliers
-from icmj.cycle.newton import CLOSED, ClosedCycle, newton, shortest
+from icmj.cycle.guess import Guess, guess_from_prediction, guess_from_simulation
+from icmj.cycle.jacobian import compute_jacobian, compute_multipliers, difference_jacobian
+from icmj.cycle.newton import CLOSED, ClosedCycle, solve_newton, solve_shortest
 from icmj.cycle.return_map import LostInterval, PlantKind, ReturnMap, Turn
 from icmj.errors import CycleError, prefix_errors
 
@@ -160,21 +160,21 @@ def find_cycle(
     tell(begun)
     if start == "prediction":
         with prefix_errors(case.run.path):
-            guess = from_prediction(theory, loop, rule.size)
+            guess = guess_from_prediction(theory, loop, rule.size)
     elif start == "simulation":
         begun = 0.5
-        guess = from_simulation(loop, theory.system.T_hat, lambda done: tell(0.1 + 0.4 * done))
+        guess = guess_from_simulation(loop, theory.system.T_hat, lambda done: tell(0.1 + 0.4 * done))
     else:
         guess = start
     loop = replace(loop, settings=replace(loop.settings, duration=LONGEST * guess.longest))
     try:
-        return exact(loop, guess, threads=threads, progress=lambda done: tell(begun + (1 - begun) * done))
+        return solve_cycle(loop, guess, threads=threads, progress=lambda done: tell(begun + (1 - begun) * done))
     except CycleError as error:
         why = f"; of the predicted orbit: {orbit.reason}" if orbit and orbit.reason and start == "prediction" else ""
         raise CycleError(f"{case.run.path}: {error}{why}") from error
 
 
-def exact(
+def solve_cycle(
     loop: ReturnMap,
     guess: Guess,
     *,
@@ -194,7 +194,7 @@ def exact(
     if any(loop.has_collapsed(interval) for interval in found.turn.intervals):
         least = loop.controller.least
         raise CycleError(f"no cycle of the event rule, because an interval has decreased to the least one, {least:g} s")
-    found, p, sign = _shortest_period(loop, found, p, sign, scale)
+    found, p, sign = reduce_period(loop, found, p, sign, scale)
     return describe_cycle(loop, found, p, sign, scale, threads=threads)
 
 
@@ -208,16 +208,18 @@ def close_cycle(
     """
 
     def derivative(turn: Turn) -> Array:
-        return fast_jacobian(loop, turn, guess.scale)
+        return compute_jacobian(loop, turn, guess.scale)
 
-    return newton(loop, guess.z, guess.scale, derivative, p=guess.p, sign=guess.sign, closed=closed, progress=progress)
+    return solve_newton(
+        loop, guess.z, guess.scale, derivative, p=guess.p, sign=guess.sign, closed=closed, progress=progress
+    )
 
 
 def describe_cycle(loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scale: Array, *, threads: int = 1) -> Cycle:
     """The results for a cycle that Newton's method found."""
-    J = jacobian(loop, found.z, scale, p, threads=threads, rounding=found.closure)
-    values, errors = multipliers(J, scale)
-    peak, spread = extent(found.turn, sign)
+    J = difference_jacobian(loop, found.z, scale, p, threads=threads, rounding=found.closure)
+    values, errors = compute_multipliers(J, scale)
+    peak, spread = measure_extent(found.turn, sign)
     return Cycle(
         plant=loop.kind,
         events=p if sign > 0 else 2 * p,
@@ -233,19 +235,19 @@ def describe_cycle(loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scale
         multiplier_errors=errors,
         closure=found.closure,
         history=found.history,
-        interval_error=_interval_error(loop, found, p, sign, scale, J.J),
+        interval_error=estimate_interval_error(loop, found, p, sign, scale, J.J),
         neutral=found.neutral,
         alternating=loop.is_alternating(p, sign),
     )
 
 
-def extent(turn: Turn, sign: int) -> tuple[Array, Array]:
+def measure_extent(turn: Turn, sign: int) -> tuple[Array, Array]:
     """Peak magnitude and peak to peak of the outputs over the whole period, shapes (n_y,)."""
     peak = np.maximum(np.abs(turn.y_max), np.abs(turn.y_min))
     return peak, (turn.y_max - turn.y_min if sign > 0 else 2 * peak)
 
 
-def _interval_error(loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scale: Array, J: Array) -> float:
+def estimate_interval_error(loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scale: Array, J: Array) -> float:
     """Relative error of the mean interval due to the timestep, estimated from the cycle at half the timestep.
 
     The cycle at half the step is one Newton step away, with the same derivative.
@@ -255,7 +257,7 @@ def _interval_error(loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scal
     finer = loop.refine(0.5)
     try:
         turn = finer.turn(found.z, p)
-        step, _ = shortest(
+        step, _ = solve_shortest(
             (sign * J - np.eye(len(J))) * (scale[None, :] / scale[:, None]), (found.z - sign * turn.end) / scale
         )
         turn = finer.turn(found.z + step * scale, p)
@@ -264,9 +266,7 @@ def _interval_error(loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scal
     return float(abs(turn.intervals.mean() / found.turn.intervals.mean() - 1) * 16 / 15)
 
 
-def _shortest_period(
-    loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scale: Array
-) -> tuple[ClosedCycle, int, int]:
+def reduce_period(loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scale: Array) -> tuple[ClosedCycle, int, int]:
     """The same cycle with its smallest number of intervals."""
     states, mirror = found.turn.states, loop.odd(found.z, scale)
     for q in range(1, p + 1):

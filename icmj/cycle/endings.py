@@ -53,7 +53,7 @@ def end_where_lost(curve: Curve, points: Sequence[Point], why: Miss) -> Ending:
             "is no such cycle."
         )
         return _ends(points, "grazing", words)
-    if touching(points):
+    if is_touching(points):
         words = f"The event is itself a touch of the threshold at {where}: beyond it the event does not come."
         return _ends(points, "grazing", words)
     if why.lost is not None:
@@ -61,7 +61,7 @@ def end_where_lost(curve: Curve, points: Sequence[Point], why: Miss) -> Ending:
     return _ends(points, "end", f"No cycle was found beyond {where}.")
 
 
-def touching(points: Sequence[Point]) -> bool:
+def is_touching(points: Sequence[Point]) -> bool:
     """Whether the event function hardly rises at an event any more."""
     slopes = [p.slope for p in points]
     return slopes[-1] < 0.05 * float(np.median(slopes))
@@ -92,7 +92,9 @@ def _beyond(curve: Curve, at: Point) -> float:
     return max(E, 1e-12) * float(at.intervals.min())
 
 
-def homoclinic(curve: Curve, points: list[Point], settle: Callable[[float, float], Point | None]) -> Ending | None:
+def find_homoclinic_end(
+    curve: Curve, points: list[Point], settle: Callable[[float, float], Point | None]
+) -> Ending | None:
     """The end of a branch whose longest interval grows as −ln|λ − λ*|/μ; λ* is approached until it stands to 1e-6."""
     longest = np.array([p.intervals.max() for p in points])
     if len(points) < 5 or longest[-1] < _GROWN * longest.min() or not (np.diff(longest[-4:]) > 0).all():
@@ -152,7 +154,7 @@ def round_trip(curve: Curve, points: Sequence[Point], trail: Trail, closed: floa
 def end_by_rounding(curve: Curve, points: Sequence[Point], closed: float) -> Ending | None:
     """The end of a branch on which intervals have grown until the map magnifies rounding too much to go on."""
     longest = np.array([p.intervals.max() for p in points])
-    if closed < _WORN or len(points) < 5 or touching(points) or longest[-1] < _GROWN * longest.min():
+    if closed < _WORN or len(points) < 5 or is_touching(points) or longest[-1] < _GROWN * longest.min():
         return None
     last, name = points[-1], curve.family.parameter.name
     guess, before = (_limit(upto) if longest[-1] > longest[-4] else None for upto in (points, points[:-1]))

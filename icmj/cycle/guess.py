@@ -34,7 +34,7 @@ class Guess:
     longest: float
 
 
-def from_prediction(theory: Theory, loop: ReturnMap, size: float) -> Guess:
+def guess_from_prediction(theory: Theory, loop: ReturnMap, size: float) -> Guess:
     """The linear orbit at the threshold ``size``.
 
     Raises:
@@ -49,14 +49,14 @@ def from_prediction(theory: Theory, loop: ReturnMap, size: float) -> Guess:
     z = loop.join(*parts)
     n, m = system.n, system.n_hat
     X = np.abs(system.to_original(orbit.X) * factor).max(axis=0)
-    scale = positive(loop.join(X[:n], X[n : n + m], X[n + m :]))
+    scale = make_positive(loop.join(X[:n], X[n : n + m], X[n + m :]))
     sign, p = orbit.sign, 1
     if sign < 0 and not loop.odd(z, scale):
         sign, p = 1, 2  # no mirror image: nearly mirrored halves
     return Guess(z, scale, p, sign, orbit.delta)
 
 
-def from_simulation(loop: ReturnMap, T_hat: Array, progress: Callable[[float], None] | None = None) -> Guess:
+def guess_from_simulation(loop: ReturnMap, T_hat: Array, progress: Callable[[float], None] | None = None) -> Guess:
     """The approximate return to an earlier state at the end of a run.
 
     Raises:
@@ -80,11 +80,11 @@ def from_simulation(loop: ReturnMap, T_hat: Array, progress: Callable[[float], N
     events = run.events
     z = loop.join(events.x[-1], events.x_o[-1], events.x_h[-1])
     late = run.t >= events.t[-min(2 * p + 1, K)]
-    scale = positive(loop.join(*(np.abs(part[late]).max(axis=0) for part in (run.x, run.x_o, run.x_h))))
+    scale = make_positive(loop.join(*(np.abs(part[late]).max(axis=0) for part in (run.x, run.x_o, run.x_h))))
     return Guess(z, scale, p, sign, float(events.interval[-2 * p :].max()))
 
 
-def positive(scale: Array) -> Array:
+def make_positive(scale: Array) -> Array:
     """The scale, with a small positive number for states that do not move."""
     good = np.isfinite(scale) & (scale > 0)
     if not good.any():

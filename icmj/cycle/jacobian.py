@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, falling
-from icmj.controller.controller import layout_of, realise, start_state
+from icmj.base.array import Array, argsort_descending
+from icmj.controller.controller import make_layout, realise, start_state
 from icmj.cycle.return_map import Flights, LostInterval, ReturnMap, Turn
 from icmj.errors import CycleError
 from icmj.simulation.course import Course
@@ -48,7 +48,7 @@ class Jacobian:
     error: Array
 
 
-def jacobian(
+def difference_jacobian(
     loop: Flights, z: Array, scale: Array, p: int = 1, *, threads: int = 1, rounding: float = ROUNDING
 ) -> Jacobian:
     """DP^p at ``z`` by centred differences of fourth order, each column with a step that is right for it.
@@ -117,7 +117,7 @@ def _differences(
     return near, far
 
 
-def multipliers(J: Jacobian, scale: Array) -> tuple[NDArray[np.complex128], Array]:
+def compute_multipliers(J: Jacobian, scale: Array) -> tuple[NDArray[np.complex128], Array]:
     """Eigenvalues of J by decreasing magnitude, and their errors due to that of J; shapes (N,), (N,).
 
     The error is first-order perturbation theory's |yᴴ δJ x| / |yᴴ x| in the coordinates that ``scale`` makes alike,
@@ -133,20 +133,20 @@ def multipliers(J: Jacobian, scale: Array) -> tuple[NDArray[np.complex128], Arra
     with np.errstate(divide="ignore"):
         # of a Jordan block of two, the square root of the perturbation
         error = np.minimum(bound / np.maximum(overlap, 1e-300), np.sqrt(np.linalg.norm(delta)))
-    order = falling(np.abs(values), values.real, values.imag)
+    order = argsort_descending(np.abs(values), values.real, values.imag)
     return values[order].astype(complex), error[order]
 
 
 _FIRST, _MOST = 4, 512  # panels
 
 
-def courses_of(loop: ReturnMap, turn: Turn) -> list[Course]:
+def get_courses(loop: ReturnMap, turn: Turn) -> list[Course]:
     """The trajectories of a turn's intervals."""
     rows = turn.rows or (None,) * len(turn.intervals)
-    return [course(loop, *interval) for interval in zip(turn.states, turn.intervals, rows, strict=True)]
+    return [get_course(loop, *interval) for interval in zip(turn.states, turn.intervals, rows, strict=True)]
 
 
-def course(loop: ReturnMap, z: Array, length: float, rows: Array | None = None) -> Course:
+def get_course(loop: ReturnMap, z: Array, length: float, rows: Array | None = None) -> Course:
     """The trajectory of the interval from ``z``, whose ``length`` [s] is known, from the stored simulation."""
     x, x_o, x_h = loop.split(z)
     if loop.kind == "linear":
@@ -159,7 +159,7 @@ def course(loop: ReturnMap, z: Array, length: float, rows: Array | None = None) 
     return EngineCourse(loop.fly, x, x_o, x_h, length, rows)
 
 
-def fast_jacobian(
+def compute_jacobian(
     loop: ReturnMap,
     turn: Turn,
     scale: Array,
@@ -179,17 +179,17 @@ def fast_jacobian(
         CycleError: if there is no derivative.
     """
     if courses is None:
-        courses = courses_of(loop, turn)
+        courses = get_courses(loop, turn)
     J = np.eye(loop.size)
     try:
         for along in courses:
-            J = derivative(loop, along, tolerance) @ J
+            J = integrate_derivative(loop, along, tolerance) @ J
     except CycleError:
-        return jacobian(loop, turn.states[0], scale, len(turn.intervals)).J
+        return difference_jacobian(loop, turn.states[0], scale, len(turn.intervals)).J
     return J
 
 
-def derivative(loop: ReturnMap, along: Course, tolerance: float = TOLERANCE) -> Array:
+def integrate_derivative(loop: ReturnMap, along: Course, tolerance: float = TOLERANCE) -> Array:
     """DP for one interval, shape (N, N).
 
     Raises:
@@ -203,12 +203,12 @@ def derivative(loop: ReturnMap, along: Course, tolerance: float = TOLERANCE) -> 
         flow = _flow(along, part, low, high, tolerance) @ flow
     if not loop.has_collapsed(along.cuts[-1]):
         end = along.sample(np.array([along.cuts[-1]]))
-        faces, layout = loop.controller.faces, layout_of(loop.controller)
+        faces, layout = loop.controller.faces, make_layout(loop.controller)
         gradient = np.zeros(len(flow))
         g = faces.gradient(end.x_h[0] - end.x_o[0])
         gradient[n:][layout["x_o"]], gradient[n:][layout["x_h"]] = -g, g
         flow = flow - np.outer(along.rate, gradient @ flow) / (gradient @ along.rate)
-    parts = layout_of(loop.controller)
+    parts = make_layout(loop.controller)
     x_o, x_h = flow[n:][parts["x_o"]], flow[n:][parts["x_h"]]
     return np.concatenate([flow[:n], x_o, *([x_h] if loop.holds else [])])
 

@@ -41,7 +41,7 @@ class ClosedCycle:
     neutral: int = 0
 
 
-def newton(
+def solve_newton(
     loop: Flights,
     z: Array,
     scale: Array,
@@ -86,7 +86,7 @@ def newton(
             break
         if G is None:
             G, fresh = sign * derivative(turn) * D - np.eye(len(z)), True
-        step, neutral = shortest(G, -r)
+        step, neutral = solve_shortest(G, -r)
         found = _damp(residual, z, r, step, scale)
         if found is None:
             if history[-1] <= closed:
@@ -112,7 +112,7 @@ def newton(
     return ClosedCycle(z, turn, history[-1], tuple(history), neutral)
 
 
-def shortest(G: Array, r: Array) -> tuple[Array, int]:
+def solve_shortest(G: Array, r: Array) -> tuple[Array, int]:
     """The least-squares step, and the number of singular directions in which it is zero."""
     U, s, Vt = np.linalg.svd(G)
     kept = s > RANK * s[0]

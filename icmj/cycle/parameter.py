@@ -21,12 +21,12 @@ KEYS = {
 _UNITS = {"delay": "s", "delta_min": "s"}  # that of q_t is the controller's
 
 
-def unit_of(name: str) -> str:
+def get_unit(name: str) -> str:
     """The unit of a parameter where it has one that is known."""
     return _UNITS.get(name, "")
 
 
-def with_unit(name: str) -> str:
+def name_with_unit(name: str) -> str:
     """The name of a parameter, with its unit in brackets where it has one that is known."""
     return f"{name} ({_UNITS[name]})" if name in _UNITS else name
 
@@ -82,7 +82,7 @@ class Parameter:
         return float(found)
 
 
-def parameter(name: str) -> Parameter:
+def find_parameter(name: str) -> Parameter:
     """The parameter of a name.
 
     Raises:

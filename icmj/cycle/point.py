@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, falling
+from icmj.base.array import Array, argsort_descending
 from icmj.cycle.curve import Correction, Curve
-from icmj.cycle.cycle import extent
-from icmj.cycle.jacobian import courses_of, fast_jacobian
+from icmj.cycle.cycle import measure_extent
+from icmj.cycle.jacobian import compute_jacobian, get_courses
 from icmj.cycle.return_map import ReturnMap
 from icmj.simulation.course import Sample
 
@@ -71,7 +71,7 @@ class Point:
         return float(self.u[-1])
 
 
-def point(curve: Curve, found: Correction, tolerance: float | None = None, D: Array | None = None) -> Point:
+def make_point(curve: Curve, found: Correction, tolerance: float | None = None, D: Array | None = None) -> Point:
     """The results at a point that the corrector found.
 
     Args:
@@ -85,15 +85,15 @@ def point(curve: Curve, found: Correction, tolerance: float | None = None, D: Ar
     derived = D is None
     loop = curve.loop(float(found.u[-1]))
     unit, turn = curve.unit(loop), found.turn
-    courses = courses_of(loop, turn)
+    courses = get_courses(loop, turn)
     if D is None:
-        J = fast_jacobian(loop, turn, unit, courses, tolerance)
+        J = compute_jacobian(loop, turn, unit, courses, tolerance)
         D = found.D.copy()
         D[:, :-1] = curve.sign * J * (unit[None, :] / unit[:, None]) - np.eye(len(unit))
     else:
         J = map_of(curve, D)
     samples = tuple(along.sample(along.cuts[-1] * np.linspace(0, 1, NODES) ** EARLY) for along in courses)
-    peak, spread = extent(turn, curve.sign)
+    peak, spread = measure_extent(turn, curve.sign)
     return Point(
         u=found.u,
         value=curve.range.value(float(found.u[-1])),
@@ -102,7 +102,7 @@ def point(curve: Curve, found: Correction, tolerance: float | None = None, D: Ar
         y_peak=peak,
         y_range=spread,
         J=J,
-        multipliers=eigenvalues(J),
+        multipliers=compute_eigenvalues(J),
         closure=found.closure,
         graze=max(_graze(loop, sample) for sample in samples),
         slope=min(
@@ -119,13 +119,13 @@ def point(curve: Curve, found: Correction, tolerance: float | None = None, D: Ar
 def add_derivative(curve: Curve, at: Point) -> Point:
     """The point with its derivative computed from a new simulation."""
     _, turn = curve.residual(at.u)
-    return point(curve, Correction(at.u, at.u, turn, at.closure, at.D, 0))
+    return make_point(curve, Correction(at.u, at.u, turn, at.closure, at.D, 0))
 
 
-def redone(curve: Curve, at: Point, D: Array) -> Point:
+def update_derivative(curve: Curve, at: Point, D: Array) -> Point:
     """The point with a newly interpolated derivative."""
     J = map_of(curve, D)
-    return replace(at, D=D, J=J, multipliers=eigenvalues(J))
+    return replace(at, D=D, J=J, multipliers=compute_eigenvalues(J))
 
 
 def map_of(curve: Curve, D: Array) -> Array:
@@ -135,10 +135,10 @@ def map_of(curve: Curve, D: Array) -> Array:
     return J
 
 
-def eigenvalues(J: Array) -> NDArray[np.complex128]:
+def compute_eigenvalues(J: Array) -> NDArray[np.complex128]:
     """Eigenvalues by decreasing magnitude, shape (N,)."""
     values = np.linalg.eigvals(J).astype(complex)
-    return values[falling(np.abs(values), values.real, values.imag)]
+    return values[argsort_descending(np.abs(values), values.real, values.imag)]
 
 
 def _graze(loop: ReturnMap, sample: Sample) -> float:

@@ -23,7 +23,7 @@ from icmj.simulation.ending import Outcome
 from icmj.simulation.open_loop import OpenLoop, OpenLoopInterval
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Bias, Step
-from icmj.theory.event_maps import stands_still
+from icmj.theory.event_maps import is_still
 
 if TYPE_CHECKING:
     from icmj.engine.open_loop import OpenLoops
@@ -210,7 +210,7 @@ class ReturnMap:
     def is_alternating(self, p: int, sign: int) -> bool:
         """Whether its mirrored cycles are members of families; see :func:`icmj.theory.event_maps.is_alternating`."""
         held, predicted = self.controller.hold.A_h, self.controller.delay.predicted
-        return p == 1 and sign < 0 and not predicted and stands_still(self.controller.faces.R, held)
+        return p == 1 and sign < 0 and not predicted and is_still(self.controller.faces.R, held)
 
     def another(self) -> ReturnMap:
         """The same map for another thread."""

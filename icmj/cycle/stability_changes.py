@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, leading
+from icmj.base.array import Array, argmax_abs
 from icmj.cycle.branch import SpecialPoint
 from icmj.cycle.curve import Curve
 from icmj.cycle.point import Point
@@ -21,7 +21,7 @@ TESTS: tuple[Test, ...] = ("+1", "-1", "pair")
 _NEAR = 1e-2  # a κ this near to the circle is on it; a neutral saddle, two real ones of product 1, does not count
 
 
-def kappas(
+def compute_kappas(
     multipliers: NDArray[np.complex128], sign: int, neutral: int, alternating: bool = False
 ) -> NDArray[np.complex128]:
     """κ without those of neutral modes, and without the −1 of mirrored cycles that are of a family."""
@@ -30,7 +30,7 @@ def kappas(
     return np.delete(kappa, np.abs(kappa + 1).argmin()) if alternating else kappa
 
 
-def value_of(test: Test, kappa: NDArray[np.complex128]) -> float:
+def evaluate_test(test: Test, kappa: NDArray[np.complex128]) -> float:
     """A test function."""
     if test == "+1":
         return float(np.prod(kappa - 1).real)
@@ -43,10 +43,10 @@ def value_of(test: Test, kappa: NDArray[np.complex128]) -> float:
 
 def find_crossed(before: NDArray[np.complex128], after: NDArray[np.complex128]) -> list[Test]:
     """The tests that change sign between two points."""
-    return [test for test in TESTS if value_of(test, before) * value_of(test, after) < 0]
+    return [test for test in TESTS if evaluate_test(test, before) * evaluate_test(test, after) < 0]
 
 
-def critical(test: Test, kappa: NDArray[np.complex128]) -> complex | None:
+def find_critical(test: Test, kappa: NDArray[np.complex128]) -> complex | None:
     """The κ that is on the circle; ``None`` where there is none, as at a neutral saddle."""
     if test != "pair":
         target = 1 if test == "+1" else -1
@@ -59,11 +59,11 @@ def critical(test: Test, kappa: NDArray[np.complex128]) -> complex | None:
     return complex(nearest) if abs(abs(nearest) - 1) < _NEAR else None
 
 
-def direction(J: Array, multiplier: complex) -> Array:
+def find_direction(J: Array, multiplier: complex) -> Array:
     """The real eigenvector of J at a real multiplier, of unit norm, shape (N,)."""
     values, vectors = np.linalg.eig(J)
     v = vectors[:, np.argmin(np.abs(values - multiplier))]
-    v = np.real(v * np.exp(-1j * np.angle(v[leading(v)])))
+    v = np.real(v * np.exp(-1j * np.angle(v[argmax_abs(v)])))
     return np.asarray(v / np.linalg.norm(v))
 
 

@@ -21,15 +21,15 @@ from icmj.case.case import Case
 from icmj.case.plants import linear_plant
 from icmj.controller.law import Law
 from icmj.controller.switching import OFF, SwitchingPD
-from icmj.cycle.jacobian import jacobian, multipliers
-from icmj.cycle.newton import newton
+from icmj.cycle.jacobian import compute_multipliers, difference_jacobian
+from icmj.cycle.newton import solve_newton
 from icmj.cycle.return_map import LostInterval, Turn
 from icmj.errors import CycleError
 from icmj.linear.run import simulate
 from icmj.plant.linear_plant import LinearPlant, match_ports
 from icmj.simulation import ending
 from icmj.simulation.settings import Settings
-from icmj.simulation.start import plant_start
+from icmj.simulation.start import make_plant_start
 
 MOST = 12  # rounds in a cycle
 LONGEST = 100.0  # times the delay: rounds that are flown before they are given up, at first
@@ -58,7 +58,7 @@ def make_loop(case: Case) -> tuple[LinearPlant, SwitchingPD, Array | None]:
     """The actual plant with the controller's inputs and outputs, the controller, and where the run of a case starts."""
     law = case.controller
     plant = match_ports(linear_plant(case.actual, case.settings), law.plant, "position")
-    x0 = plant_start(plant, case.settings, None)
+    x0 = make_plant_start(plant, case.settings, None)
     return plant, law, (x0 if x0.any() else None)  # type: ignore[return-value]
 
 
@@ -113,7 +113,7 @@ class SwitchedMap:
         delay, duration = self.law.delay, LONGEST * self.law.delay * p
         back = expm(-self.plant.A * _AHEAD * delay) @ z
         if self._mode(back) != OFF:
-            raise LostInterval.after(ending.diverged(0.0, "does not begin where feedback is off"), 0.0)
+            raise LostInterval.after(ending.end_diverged(0.0, "does not begin where feedback is off"), 0.0)
         for _ in range(_PATIENCE):
             found = self.rounds(back, duration)
             if len(found.at) > p or found.ended:
@@ -235,10 +235,12 @@ def find_switched_cycle(
     guess = (start, rounds, sign) if rounds else _guess(loop, start)
     z, p, sign = guess
     scale = np.maximum(np.abs(z), RELATIVE_ROUNDING * np.abs(z).max())
-    found = newton(loop, z, scale, lambda turn: jacobian(loop, turn.states[0], scale, p).J, p=p, sign=sign)
-    p, sign = _shortest(found.turn.states, p, sign)
-    J = jacobian(loop, found.z, scale, p, rounding=found.closure)
-    values, errors = multipliers(J, scale)
+    found = solve_newton(
+        loop, z, scale, lambda turn: difference_jacobian(loop, turn.states[0], scale, p).J, p=p, sign=sign
+    )
+    p, sign = find_shortest(found.turn.states, p, sign)
+    J = difference_jacobian(loop, found.z, scale, p, rounding=found.closure)
+    values, errors = compute_multipliers(J, scale)
     turn, switches = loop.flight(found.z, p)
     peak = np.maximum(np.abs(turn.y_max), np.abs(turn.y_min))
     return SwitchedCycle(
@@ -277,7 +279,7 @@ def _guess(loop: SwitchedMap, x0: Array) -> tuple[Array, int, int]:
     raise CycleError(f"no cycle: the motion does not repeat after {MOST} rounds or fewer in {duration / 2:g} s")
 
 
-def _shortest(states: Array, p: int, sign: int) -> tuple[int, int]:
+def find_shortest(states: Array, p: int, sign: int) -> tuple[int, int]:
     """After how many rounds, and with which sign, it closes first; its ξ are ``states``, shape (p, n)."""
     for q in range(1, p):
         for s in (1, -1):

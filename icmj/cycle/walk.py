@@ -27,13 +27,20 @@ from icmj.cycle.endings import (
     end_at_least_interval,
     end_by_rounding,
     end_where_lost,
-    homoclinic,
+    find_homoclinic_end,
+    is_touching,
     round_trip,
-    touching,
 )
-from icmj.cycle.point import FINE, Point, add_derivative, point, redone
+from icmj.cycle.point import FINE, Point, add_derivative, make_point, update_derivative
 from icmj.cycle.return_map import LostInterval
-from icmj.cycle.stability_changes import Test, critical, describe_crossing, find_crossed, kappas, value_of
+from icmj.cycle.stability_changes import (
+    Test,
+    compute_kappas,
+    describe_crossing,
+    evaluate_test,
+    find_critical,
+    find_crossed,
+)
 from icmj.cycle.trail import Trail, interpolate
 
 _SPARSE = 4  # points from one derivative to the next, at most
@@ -153,7 +160,7 @@ class _Walker:
         found = correct(curve, u, D, row, self.closed(last))
         if isinstance(found, Miss) or self.has_jumped(found.turn.intervals, u):
             self.closing = (
-                self.closing or not isinstance(found, Miss) or found.lost is not None or touching(self.points)
+                self.closing or not isinstance(found, Miss) or found.lost is not None or is_touching(self.points)
             )
             self.shorter(found if isinstance(found, Miss) else Miss(None, found.turn))
             return
@@ -166,7 +173,7 @@ class _Walker:
             self.ds *= 0.4
             return
         due = lands or found.steps > 2 or len(self.points) - self.trail.known[-1] >= self.sparse
-        new = point(curve, found, D=None if due else D)
+        new = make_point(curve, found, D=None if due else D)
         self.accept(new, found.best)
         if lands and self.ending is None:
             self.ending = Ending(None, f"reached {curve.family.parameter.name} = {new.value:.6g}")
@@ -229,7 +236,7 @@ class _Walker:
         trail.derive(last, D)
         for i in range(trail.known[-_ANEW - 1 :][0] + 1, last):
             if not self.points[i].derived:
-                self.points[i] = redone(self.curve, self.points[i], trail.derivative(trail.s[i]))
+                self.points[i] = update_derivative(self.curve, self.points[i], trail.derivative(trail.s[i]))
         for i in range(first, last):
             pair = self.points[i : i + 2]
             before, after = (self.kappas(p) for p in pair)
@@ -263,7 +270,7 @@ class _Walker:
         row = self.curve.normal((trail.u[i + 1] - trail.u[i]) / (trail.s[i + 1] - trail.s[i]))
         nearest = self.points[i + 1 if part > 0.5 else i]
         found = correct(self.curve, u, nearest.D, row, self.closed(nearest))
-        return None if isinstance(found, Miss) else point(self.curve, found, FINE)
+        return None if isinstance(found, Miss) else make_point(self.curve, found, FINE)
 
     def find_growth(self) -> Ending | None:
         """Whether the interval is on its way to infinity; asked again only once it has grown further."""
@@ -272,7 +279,7 @@ class _Walker:
             return None
         self.asked = longest
         self.complete()
-        found = homoclinic(self.curve, self.points, self.settle)
+        found = find_homoclinic_end(self.curve, self.points, self.settle)
         self.trail.cut(len(self.points))
         return found
 
@@ -288,7 +295,7 @@ class _Walker:
         found = correct(self.curve, u, last.D, np.append(np.zeros(len(u) - 1), 1.0), closed)
         if isinstance(found, Miss):
             return None
-        new = point(self.curve, found)
+        new = make_point(self.curve, found)
         self.trail.add(found.best, self.curve.length(found.best - here))
         self.points.append(new)
         self.trail.derive(len(self.points) - 1, new.D)
@@ -296,7 +303,7 @@ class _Walker:
 
     def kappas(self, at: Point) -> NDArray[np.complex128]:
         """κ of a point, without those that are ±1 by construction."""
-        return kappas(at.multipliers, self.curve.sign, self.neutral, self.alternating)
+        return compute_kappas(at.multipliers, self.curve.sign, self.neutral, self.alternating)
 
     def crossing(self, test: Test, i: int) -> SpecialPoint | None:
         """The special point between point i and the next."""
@@ -304,12 +311,12 @@ class _Walker:
         left, right = self.points[i : i + 2]
 
         def f(at: Point) -> float:
-            return value_of(test, self.kappas(at))
+            return evaluate_test(test, self.kappas(at))
 
         at = locate(left, right, f, lambda part: self.between(i, part), CLOSE)
         if at is None:
             at = left if abs(f(left)) < abs(f(right)) else right
-        kappa = critical(test, self.kappas(at))
+        kappa = find_critical(test, self.kappas(at))
         if kappa is None:
             return None
         return describe_crossing(curve, test, kappa, at, i, self.turns(i))

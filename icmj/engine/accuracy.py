@@ -20,7 +20,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from icmj.base.array import Array, between
+from icmj.base.array import Array, is_between
 from icmj.base.process import INTERPRETED
 from icmj.controller.controller import has_trigger
 from icmj.engine.closed_loop import ComposedLoop
@@ -71,7 +71,7 @@ class Accuracy:
         }
 
 
-def facts(
+def list_facts(
     loop: ComposedLoop, steps: Stepping, schedule: Schedule, record: Record, seconds: float
 ) -> dict[str, float | int | str]:
     """The facts of a run on its integration."""
@@ -115,7 +115,7 @@ def _over_an_interval(loop: ComposedLoop, schedule: Schedule, record: Record) ->
     begin, stretch = float(record.events[-2, 0]), float(last[0] - record.events[-2, 0])
     if stretch < 2 * schedule.timestep:
         return _nothing(loop)
-    plan = replace(finer(schedule), t_end=float(last[0]) + 0.1 * stretch + 10 * schedule.timestep)
+    plan = replace(halve_timestep(schedule), t_end=float(last[0]) + 0.1 * stretch + 10 * schedule.timestep)
     hold = first.x_h[0] if controller.delay else None
     again = EngineOpenLoop(loop, plan, plan.record_interval)
     flight, rows = again.recorded(first.x[0], first.x_o[0], hold, begin)
@@ -127,7 +127,7 @@ def _over_an_interval(loop: ComposedLoop, schedule: Schedule, record: Record) ->
     interval = float("nan") if given else abs(stretch - flight.length)
     own = record.rows[(record.rows[:, 0] > begin) & (record.rows[:, 0] < last[0])]
     # an event's own row is of another instant in both, by the error of the interval
-    found = apart(loop, own, rows[:-1], (record.events[-1:], rows[-1:]))
+    found = compare_rows(loop, own, rows[:-1], (record.events[-1:], rows[-1:]))
     return scale_error(loop, interval, found, stretch)
 
 
@@ -136,13 +136,13 @@ def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Ac
     usable = record.rows[~np.isin(record.rows[:, 0], record.events[:, 0])]
     if len(usable) < 3 or loop.controller.realisation.delay:
         return _nothing(loop)
-    first, last = usable[between(usable[:, 0], usable[-1, 0] - 1.0)][0], usable[-1]
+    first, last = usable[is_between(usable[:, 0], usable[-1, 0] - 1.0)][0], usable[-1]
     stretch = float(last[0] - first[0])
     if stretch < 2 * schedule.timestep:
         return _nothing(loop)
     data = loop.data(loop.departures(first[None, :]).x[0], loop.state(first), float(first[0]))
-    again = follow(loop, data, replace(finer(schedule), t_end=float(last[0])))
-    found = apart(loop, record.rows[record.rows[:, 0] > first[0]], again.rows, (last[None, :], again.rows[-1:]))
+    again = follow(loop, data, replace(halve_timestep(schedule), t_end=float(last[0])))
+    found = compare_rows(loop, record.rows[record.rows[:, 0] > first[0]], again.rows, (last[None, :], again.rows[-1:]))
     return scale_error(loop, float("nan"), found, stretch)
 
 
@@ -153,18 +153,18 @@ def _since_a_stand(loop: ComposedLoop, schedule: Schedule, record: Record) -> Ac
     """
     end, stand, runs = float(record.rows[-1, 0]), record.stand, []
     assert stand is not None
-    for plan in (schedule, finer(schedule)):
+    for plan in (schedule, halve_timestep(schedule)):
         history, now = copy_of(stand.history, stand.now)
         there = replace(stand, history=history, now=now)
         runs.append(follow(loop, stand.data(loop.model), replace(plan, t_end=end), stand=there))
     coarse, fine = runs
     both_switched = 0 < len(coarse.events) == len(fine.events)
     interval = abs(float(coarse.events[-1, 0] - fine.events[-1, 0])) if both_switched else float("nan")
-    found = apart(loop, coarse.rows, fine.rows, (coarse.rows[-1:], fine.rows[-1:]))
+    found = compare_rows(loop, coarse.rows, fine.rows, (coarse.rows[-1:], fine.rows[-1:]))
     return scale_error(loop, interval, found, end - stand.t)
 
 
-def finer(schedule: Schedule) -> Schedule:
+def halve_timestep(schedule: Schedule) -> Schedule:
     """The loop with half the timestep, and rows at the same instants."""
     if schedule.tolerance > 0:
         return replace(schedule, timestep=schedule.timestep / 2)
@@ -186,7 +186,7 @@ class Apart(NamedTuple):
     extent: Array
 
 
-def apart(loop: ComposedLoop, coarse: Array, fine: Array, ends: tuple[Array, Array]) -> Apart:
+def compare_rows(loop: ComposedLoop, coarse: Array, fine: Array, ends: tuple[Array, Array]) -> Apart:
     """Compare the rows of two runs at the instants that both have, and at their ``ends``, shapes (1, width)."""
     near = np.minimum(np.searchsorted(fine[:, 0], coarse[:, 0] - SAME_ROW), len(fine) - 1)
     common = np.abs(fine[near, 0] - coarse[:, 0]) < SAME_ROW
@@ -205,7 +205,7 @@ def _largest(values: Array) -> Array:
 
 
 def scale_error(loop: ComposedLoop, interval: float, found: Apart, stretch: float) -> Accuracy:
-    """The error of a run from its differences to a finer one (:func:`finer`)."""
+    """The error of a run from its differences to a finer one (:func:`halve_timestep`)."""
     p = order_of(loop.model)
     scale = 2**p / (2**p - 1)
     largest = float(found.size.max())

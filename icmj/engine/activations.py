@@ -61,7 +61,7 @@ def activation_rates(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     return np.where(there == wanted, rates, (there - data.act) / model.opt.timestep)
 
 
-def muscles_of(names: Sequence[str], activation: Activation | None, inputs: Sequence[str] | None) -> dict[int, Lag]:
+def select_muscles(names: Sequence[str], activation: Activation | None, inputs: Sequence[str] | None) -> dict[int, Lag]:
     """Lags by actuator among ``names``; only those in ``inputs`` have a lag, or all if it is not given.
 
     Raises:
@@ -80,9 +80,7 @@ def activate(spec: mujoco.MjSpec, model: mujoco.MjModel, names: Sequence[str], l
     Raises:
         ModelError: if one of them is no motor, or has dynamics of its own.
     """
-    at_keys = [
-        with_muscles(model.actuator_actnum, lags, model.key_act[i], model.key_ctrl[i]) for i in range(model.nkey)
-    ]
+    at_keys = [add_muscles(model.actuator_actnum, lags, model.key_act[i], model.key_ctrl[i]) for i in range(model.nkey)]
     for i, lag in lags.items():
         actuator = spec.actuators[i]
         if actuator.dyntype != mujoco.mjtDyn.mjDYN_NONE:
@@ -103,7 +101,7 @@ def activate(spec: mujoco.MjSpec, model: mujoco.MjModel, names: Sequence[str], l
         key.act = act
 
 
-def with_muscles(sizes: Sequence[int], lags: Mapping[int, Lag], act: Array, ctrl: Array) -> Array:
+def add_muscles(sizes: Sequence[int], lags: Mapping[int, Lag], act: Array, ctrl: Array) -> Array:
     """Activations of a model with muscles, these at rest, from those of the model without, ``sizes`` by actuator."""
     parts, at = [np.zeros(0)], 0
     for i, size in enumerate(sizes):
@@ -113,12 +111,12 @@ def with_muscles(sizes: Sequence[int], lags: Mapping[int, Lag], act: Array, ctrl
     return np.concatenate(parts)
 
 
-def sizes_without(model: mujoco.MjModel, lags: Mapping[int, Lag]) -> list[int]:
+def count_without_muscles(model: mujoco.MjModel, lags: Mapping[int, Lag]) -> list[int]:
     """The number of activations of each actuator of ``model`` without those of these muscles."""
     return [0 if i in lags else int(size) for i, size in enumerate(model.actuator_actnum)]
 
 
-def without_muscles(model: mujoco.MjModel, lags: Mapping[int, Lag], act: Array) -> Array:
+def remove_muscles(model: mujoco.MjModel, lags: Mapping[int, Lag], act: Array) -> Array:
     """Activations of a model without its muscles, from those of ``model``, which has them."""
     of = [i for i, size in enumerate(model.actuator_actnum) for _ in range(int(size))]
     return act[[i not in lags for i in of]]

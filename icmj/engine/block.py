@@ -32,11 +32,11 @@ from icmj.engine.signals import (
     FOREVER,
     SIGNAL,
     WEIGHTS,
-    cells_of,
+    compute_weights,
     draw_signals,
-    signals_of,
-    sorted_terms,
-    weights_of,
+    list_signals,
+    make_cells,
+    sort_terms,
 )
 from icmj.simulation.disturbance import Disturbance
 from icmj.simulation.sources import Gridded
@@ -228,9 +228,9 @@ def pack(
             a command: place, factor and noise.
         duration: of the run, for which they are drawn [s].
     """
-    tables = [sorted_terms(_table(terms)) for terms in (disturbance, errors, sizes)]
-    signals = [signals_of(table, sum(map(len, tables[:i]))) for i, table in enumerate(tables)]
-    signals.append(signals_of(tables[0][:0], 0))
+    tables = [sort_terms(_table(terms)) for terms in (disturbance, errors, sizes)]
+    signals = [list_signals(table, sum(map(len, tables[:i]))) for i, table in enumerate(tables)]
+    signals.append(list_signals(tables[0][:0], 0))
     values = [np.zeros(0)]
     for i, noises in enumerate(drawn):
         rows, found = draw_signals(noises, sum(map(len, values)), duration)
@@ -241,14 +241,14 @@ def pack(
         **{name: getattr(realisation, name) for name in ("M", "N", "K", "J", "G", "R")},
         "cuts": realisation.cuts[:-1],
         "segments": _whole(realisation) if rated else _segments(realisation),
-        "span_K": (0, realisation.layout.size) if rated else span(realisation.K),
+        "span_K": (0, realisation.layout.size) if rated else find_span(realisation.K),
         "y_0": y_0,
         "ctrl_0": ctrl_0,
         **dict(zip(("terms", "errors", "sizes"), tables, strict=True)),
         "pushes": pushes,
         "signals": flat,
-        "weights": weights_of(waves, flat),
-        "cells": cells_of(flat),
+        "weights": compute_weights(waves, flat),
+        "cells": make_cells(flat),
         "course": np.zeros((len(ctrl_0), powers)),
         "drift": np.zeros((realisation.layout.size if rated else 0, powers)),
         "S": realisation.modes[0].S[:, : len(y_0)] if rated else np.zeros((0, len(y_0))),
@@ -272,17 +272,17 @@ def pack(
     return np.concatenate([header, *(np.ravel(parts[name]) for _, name, _ in PARTS)])
 
 
-def numbers_of(model: mujoco.MjModel) -> Array:
+def read_numbers(model: mujoco.MjModel) -> Array:
     """The data of the last numeric in ``model``, which in a composed one is the controller; a view."""
     start, size = int(model.numeric_adr[-1]), int(model.numeric_size[-1])
     return np.asarray(model.numeric_data[start : start + size])
 
 
-def block_of(model: mujoco.MjModel) -> Block | None:
+def find_block(model: mujoco.MjModel) -> Block | None:
     """The controller in ``model``, or ``None`` where the model is not a composed one."""
     if model.nnumeric == 0:
         return None
-    data = numbers_of(model)
+    data = read_numbers(model)
     if len(data) < HEADER or data[Slot.MAGIC] != MAGIC or data[Slot.VERSION] != VERSION:
         return None
     parts = {}
@@ -293,7 +293,7 @@ def block_of(model: mujoco.MjModel) -> Block | None:
     return Block(header=data[:HEADER], **parts)
 
 
-def span(matrix: Array) -> tuple[int, int]:
+def find_span(matrix: Array) -> tuple[int, int]:
     """First column that is not zero throughout, and the one after the last; (0, 0) for a zero matrix."""
     used = np.flatnonzero(matrix.any(axis=0))
     return (int(used[0]), int(used[-1]) + 1) if len(used) else (0, 0)
@@ -308,7 +308,7 @@ def _table(terms: Disturbance) -> Array:
 def _segments(realisation: Realisation) -> Array:
     rows = [realisation.layout[name] for name in realisation.layout.names]
     M, N = realisation.M, realisation.N
-    return np.array([(r.start, r.stop, *span(M[r]), N[r].any()) for r in rows], dtype=float)
+    return np.array([(r.start, r.stop, *find_span(M[r]), N[r].any()) for r in rows], dtype=float)
 
 
 def _whole(realisation: Realisation) -> Array:
@@ -319,6 +319,6 @@ def _whole(realisation: Realisation) -> Array:
 
 def rows_need_forward(model: mujoco.MjModel) -> bool:
     """Whether sensors exist that the outputs' stages do not refresh, so that a recorded row takes a whole pass."""
-    block = block_of(model)
+    block = find_block(model)
     assert block is not None
     return bool(model.nsensor and model.sensor_needstage.max() > block.header[Slot.STAGE])

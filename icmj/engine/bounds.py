@@ -15,7 +15,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.engine.activations import activation_rates
 from icmj.engine.isolation import isolate_engine
-from icmj.engine.model import OperatingPoint, data_at, input_names, solve_fully
+from icmj.engine.model import OperatingPoint, make_data, name_inputs, solve_fully
 from icmj.plant.quality import Excess, Kind
 
 _SAME = 1e-6  # of the size of an answer: a change that no limit makes
@@ -54,7 +54,7 @@ SORTS: dict[str, _Sort] = {
 """The arrays that limit a plant."""
 
 
-def bounds_of(model: mujoco.MjModel, lengths: Array) -> list[Bound]:
+def list_bounds(model: mujoco.MjModel, lengths: Array) -> list[Bound]:
     """All limits of ``model``, where its tendons have these lengths."""
     found = []
     for array in SORTS:
@@ -82,7 +82,7 @@ def sort_bounds(
     model: mujoco.MjModel, point: OperatingPoint, states: np.ndarray, entries: np.ndarray
 ) -> tuple[list[Bound], list[Bound]]:
     """The limits that do not act on these states and entries of ``sensordata`` at an operating point, and that do."""
-    trial, data = copy(model), data_at(model, point)
+    trial, data = copy(model), make_data(model, point)
 
     def answer() -> Array:
         mujoco.mj_forward(trial, data)
@@ -93,7 +93,7 @@ def sort_bounds(
     acting: list[Bound] = []
     with isolate_engine(), solve_fully(trial):
         rest = answer()
-        for bound in bounds_of(model, data.ten_length.copy()):
+        for bound in list_bounds(model, data.ten_length.copy()):
             impose(trial, model, [bound])
             same = (np.abs(answer() - rest) <= _SAME * (1 + np.abs(rest))).all()
             impose(trial, model, [bound], bound)
@@ -105,15 +105,15 @@ def name_of(model: mujoco.MjModel, bound: Bound) -> str:
     """The name of what a limit belongs to."""
     of = SORTS[bound.array].of
     if of in ("control", "actuator"):
-        return input_names(model)[bound.at]
+        return name_inputs(model)[bound.at]
     return getattr(model, of)(bound.at).name or str(bound.at)
 
 
-def excesses(
+def find_excesses(
     model: mujoco.MjModel, point: OperatingPoint, states: np.ndarray, entries: np.ndarray, controls: np.ndarray
 ) -> tuple[Excess, ...]:
     """The limits beyond which an operating point lies, but those of controls that are no inputs."""
-    names, found = input_names(model), []
+    names, found = name_inputs(model), []
     for bound in sort_bounds(model, point, states, entries)[1]:
         sort, at = SORTS[bound.array], bound.at
         held = (names[at],) if sort.of in ("control", "actuator") and at in controls else ()

@@ -37,7 +37,7 @@ class Buffers(NamedTuple):
         self.count[:] = 0
 
 
-def buffers(steps: int, n_y: int, width: int, n_u: int) -> Buffers:
+def make_buffers(steps: int, n_y: int, width: int, n_u: int) -> Buffers:
     """Buffers for ``steps`` steps or samples."""
     return Buffers(
         np.empty((steps, 1 + n_y)),

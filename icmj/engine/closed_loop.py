@@ -13,23 +13,23 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.controller import Controller, has_trigger
 from icmj.controller.law import Law
-from icmj.engine.block import Block, block_of, numbers_of
+from icmj.engine.block import Block, find_block, read_numbers
 from icmj.engine.buffers import States
 from icmj.engine.composition import compose, embed, goes_by_steps, repack
 from icmj.engine.isolation import isolate_engine
-from icmj.engine.model import data_at, depart, state_names
+from icmj.engine.model import depart, make_data, name_states
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.schedule import Schedule, fastest_rate, phases_of
+from icmj.engine.schedule import Schedule, choose_phases, find_fastest_rate
 from icmj.engine.stages import is_flow, may_constrain
-from icmj.engine.units import state_units
+from icmj.engine.units import name_state_units
 from icmj.simulation import ending
-from icmj.simulation.disturbance import Acting, Disturbance, Pushes, acting_on
+from icmj.simulation.disturbance import Acting, Disturbance, Pushes, make_acting
 from icmj.simulation.ending import Outcome
-from icmj.simulation.grid import points_between
+from icmj.simulation.grid import list_points
 from icmj.simulation.native.loop import Status
-from icmj.simulation.rows import edges_of
+from icmj.simulation.rows import list_edges
 from icmj.simulation.settings import Settings
-from icmj.simulation.taps import least_of
+from icmj.simulation.taps import get_least_interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class ComposedLoop:
     @cached_property
     def block(self) -> Block:
         """The controller in the form that the model contains."""
-        block = block_of(self.model)
+        block = find_block(self.model)
         assert block is not None
         return block
 
@@ -71,12 +71,12 @@ class ComposedLoop:
         """
         if plant.spec is not self.plant.spec:
             return None
-        acting = acting_on(plant.linearisation.plant, settings, controller)
+        acting = make_acting(plant.linearisation.plant, settings, controller)
         numbers = repack(self.model, plant, controller, *acting, settings.duration)
         if numbers is None:
             return None
         loop = ComposedLoop(plant, controller, *acting, self.model, numbers)
-        return loop if integrator_of(loop, settings) == self.model.opt.integrator else None
+        return loop if choose_integrator(loop, settings) == self.model.opt.integrator else None
 
     def data(self, x: Array, a: Array, t: float = 0.0) -> mujoco.MjData:
         """Engine data at a state of plant and controller; see :meth:`place`."""
@@ -113,18 +113,18 @@ class ComposedLoop:
             SimulationError: if a limit names what is no position.
         """
         # noise may be faster than the loop, and shakes E
-        own = fastest_rate(self.plant.linearisation.plant, self.controller)
-        edges = points_between(self.acting.edges, self.acting.gaussian, settings.duration)
+        own = find_fastest_rate(self.plant.linearisation.plant, self.controller)
+        edges = list_points(self.acting.edges, self.acting.gaussian, settings.duration)
         return Schedule(
             timestep=timestep,
             tolerance=tolerance,
             t_end=settings.duration,
             edges=edges,
-            phases=phases_of(edges),
+            phases=choose_phases(edges),
             record_interval=settings.record_interval,
             limits=self.plant.limits(settings.limit),
             rate=max(own, self.noise),
-            breaks=edges_of(self.acting, self.controller),
+            breaks=list_edges(self.acting, self.controller),
         )
 
     @property
@@ -141,28 +141,32 @@ class ComposedLoop:
     def outcome(self, status: Status, t: float, data: mujoco.MjData, schedule: Schedule, events: Array) -> Outcome:
         """The outcome, from the loop's return code; ``RUNNING`` means that the run was interrupted."""
         if status == Status.RUNNING:
-            return ending.interrupted(t, schedule.t_end)
+            return ending.end_interrupted(t, schedule.t_end)
         if status == Status.FELL:
             departure = np.zeros(self.model.nv)
             mujoco.mj_differentiatePos(self.model, departure, 1.0, self.plant.linearisation.point.qpos, data.qpos)
             at = int(np.argmax(np.abs(departure) / schedule.limits))
-            return ending.fell(t, state_names(self.model)[at], schedule.limits[at], state_units(self.model)[at])
+            return ending.end_fallen(
+                t, name_states(self.model)[at], schedule.limits[at], name_state_units(self.model)[at]
+            )
         if status == Status.DIVERGED:
-            return ending.diverged(t, "the state stopped being finite")
+            return ending.end_diverged(t, "the state stopped being finite")
         if status == Status.STALLED:
-            return ending.stalled(t)
+            return ending.end_stalled(t)
         if status == Status.WARNED:
             names = [mujoco.mjtWarning(i).name for i, w in enumerate(data.warning) if w.number]
-            return ending.diverged(t, f"the engine warned ({', '.join(names)})")
+            return ending.end_diverged(t, f"the engine warned ({', '.join(names)})")
         real = self.controller.realisation
-        return ending.ran(t, np.diff(events, prepend=0.0) if real.eventful else np.zeros(0), least_of(real))
+        return ending.end_complete(
+            t, np.diff(events, prepend=0.0) if real.eventful else np.zeros(0), get_least_interval(real)
+        )
 
     @contextmanager
     def ready(self) -> Iterator[None]:
         """The callbacks installed and this controller in the model; on leaving all is put back that a run changes."""
         from icmj.engine.native.field import callbacks
 
-        timestep, here = self.model.opt.timestep, numbers_of(self.model)
+        timestep, here = self.model.opt.timestep, read_numbers(self.model)
         held = here.copy()
         if self.numbers is not None:
             here[:] = self.numbers
@@ -207,16 +211,16 @@ def close_loop(plant: MujocoPlant, controller: Law, settings: Settings) -> Compo
         ModelError: if plant and design do not fit; see :func:`icmj.engine.composition.compose`.
         SimulationError: if a disturbance names an unknown input, output or body.
     """
-    acting = acting_on(plant.linearisation.plant, settings, controller if goes_by_steps(controller) else None)
+    acting = make_acting(plant.linearisation.plant, settings, controller if goes_by_steps(controller) else None)
     disturbance, errors, pushes = acting
     inside = None if controller.realisation.tapped else errors  # where the engine reads outputs, too
     model = compose(plant, controller, disturbance, inside, pushes, settings.duration)
     loop = ComposedLoop(plant, controller, *acting, model)
-    loop.model.opt.integrator = integrator_of(loop, settings)
+    loop.model.opt.integrator = choose_integrator(loop, settings)
     return loop
 
 
-def integrator_of(loop: ComposedLoop, settings: Settings) -> int:
+def choose_integrator(loop: ComposedLoop, settings: Settings) -> int:
     """The number of the integrator: that of the settings, that which a step is chosen for, or the model's own."""
     if settings.integrator is not None:
         return int(getattr(mujoco.mjtIntegrator, f"mjINT_{settings.integrator.upper()}"))
@@ -238,7 +242,7 @@ def refuse_choice(loop: ComposedLoop, settings: Settings) -> str:
         return ""
     if settings.tolerance is None:
         return "contacts, limits, friction losses or equalities may act"
-    data = data_at(model, loop.plant.linearisation.point)
+    data = make_data(model, loop.plant.linearisation.point)
     with loop.ready():
         mujoco.mj_forward(model, data)
     return f"{data.nefc} constraints act at the operating point" if data.nefc else ""

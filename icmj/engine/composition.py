@@ -27,13 +27,13 @@ from icmj.controller.controller import has_trigger
 from icmj.controller.law import Law
 from icmj.controller.layout import Layout
 from icmj.controller.realisation import Mode, Realisation
-from icmj.engine.block import numbers_of, pack
-from icmj.engine.model import model_name
+from icmj.engine.block import pack, read_numbers
+from icmj.engine.model import get_model_name
 from icmj.engine.moving_ground import spread
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.push_table import places
+from icmj.engine.push_table import make_table
 from icmj.errors import ModelError
-from icmj.simulation.disturbance import NO_PUSHES, Disturbance, Pushes, no_disturbance
+from icmj.simulation.disturbance import NO_PUSHES, Disturbance, Pushes, make_no_disturbance
 from icmj.simulation.taps import POWERS
 
 NAME = "icmj_controller"
@@ -59,15 +59,15 @@ def compose(
         SimulationError: if the model has not what is pushed.
     """
     bare = plant.model
-    _check(bare, model_name(bare), plant, controller)
+    _check(bare, get_model_name(bare), plant, controller)
     there = embed(controller)
-    errors = no_disturbance(plant.linearisation.plant.n_y) if errors is None else errors
+    errors = make_no_disturbance(plant.linearisation.plant.n_y) if errors is None else errors
     data = _pack(bare, bare.nu, bare.na, plant, there, disturbance, errors, pushes, duration)
     size = there.real.layout.size
     model = plant.models.copy_with_room(
         plant.linearisation.point, size, len(data), lambda room: _compile(plant.spec.copy(), bare, size, room)
     )
-    numbers_of(model)[: len(data)] = data
+    read_numbers(model)[: len(data)] = data
     return model
 
 
@@ -97,7 +97,7 @@ def _compile(spec: mujoco.MjSpec, bare: mujoco.MjModel, size: int, room: int) ->
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         raise ModelError(
-            f"model {model_name(bare)!r} cannot take the controller: {' '.join(str(error).split())}"
+            f"model {get_model_name(bare)!r} cannot take the controller: {' '.join(str(error).split())}"
         ) from error
 
 
@@ -170,8 +170,8 @@ def repack(
     Raises:
         ModelError: as for :func:`compose`.
     """
-    there, held = embed(controller), numbers_of(model)
-    _check(model, model_name(model), plant, controller)
+    there, held = embed(controller), read_numbers(model)
+    _check(model, get_model_name(model), plant, controller)
     na = int(model.na - model.actuator_actnum[-1])
     data = _pack(model, model.nu - 1, na, plant, there, disturbance, errors, pushes, duration)
     if len(data) > len(held):
@@ -215,7 +215,7 @@ def _pack(
     )
     stage = max(int(model.sensor_needstage[i]) for i in _sensors(model, plant))
     pushes = spread(plant.model, point, pushes)
-    where = places(model, pushes.places, plant.linearisation.plant.inputs, ports.actuators)
+    where = make_table(model, pushes.places, plant.linearisation.plant.inputs, ports.actuators)
     scaled = replace(controls, modes=(mode,))
     drawn = (
         [(int(ports.actuators[i]), float(ports.b[i]), noise) for i, noise in disturbance.gaussian],

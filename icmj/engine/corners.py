@@ -17,7 +17,7 @@ from icmj.base.array import Array
 from icmj.engine.bounds import SORTS, Bound, impose, name_of, sort_bounds
 from icmj.engine.dynamics import Dynamics
 from icmj.engine.isolation import isolate_engine
-from icmj.engine.model import input_names
+from icmj.engine.model import name_inputs
 from icmj.engine.plant import MujocoPlant
 from icmj.plant.quality import BENT, Notice
 
@@ -32,7 +32,7 @@ _END = "; the linear theory knows no limits"
 
 
 @isolate_engine()
-def corners(plant: MujocoPlant, x: Array, u: Array) -> tuple[Notice, ...]:
+def find_corners(plant: MujocoPlant, x: Array, u: Array) -> tuple[Notice, ...]:
     """The corners on a motion that the linear theory predicts: each limit that acts, and one that no limit explains.
 
     Args:
@@ -165,7 +165,7 @@ def _elsewhere(engine: Dynamics, x: Array, u: Array) -> Iterator[Notice]:
         muscles = engine.model.actuator_dyntype == mujoco.mjtDyn.mjDYN_MUSCLE
         beyond = np.flatnonzero(muscles & ((excitations < 0) | (excitations > 1)))
         if len(beyond):
-            names = ", ".join(input_names(engine.model)[k] for k in beyond)
+            names = ", ".join(name_inputs(engine.model)[k] for k in beyond)
             yield Notice("saturation", "warning", f"{words}: the excitation of {names} is beyond 0 to 1{_END}")
             return
         others = sorted(touching ^ _touching(engine, x[i], u[i]))

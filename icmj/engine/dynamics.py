@@ -16,7 +16,7 @@ from icmj.controller.controller import Controller
 from icmj.engine.activations import activation_rates, clamp
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.plant import MujocoPlant, place
-from icmj.simulation.labels import loop_signals, plain_names
+from icmj.simulation.labels import as_plain_names, name_loop_signals
 
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
@@ -74,7 +74,7 @@ def plant_system(plant: MujocoPlant) -> NonlinearIOSystem:
         lambda t, x, u, params: dynamics(x, u)[0],
         lambda t, x, u, params: dynamics(x, u)[1],
         name="plant",
-        **{key: plain_names(getattr(linear, key)) for key in ("inputs", "outputs", "states")},
+        **{key: as_plain_names(getattr(linear, key)) for key in ("inputs", "outputs", "states")},
     )
 
 
@@ -95,4 +95,4 @@ def continuous_loop(plant: MujocoPlant, controller: Controller) -> NonlinearIOSy
         u = -design.k @ z[n:]
         return np.concatenate([dynamics(z[:n], u + inputs[:n_u])[1], u])
 
-    return control.NonlinearIOSystem(rate, output, name="closed_loop", **loop_signals(linear, design.plant, "x_o"))
+    return control.NonlinearIOSystem(rate, output, name="closed_loop", **name_loop_signals(linear, design.plant, "x_o"))

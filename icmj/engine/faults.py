@@ -81,7 +81,7 @@ def guard(function: Callable[[], T]) -> T:
     return call.value  # type: ignore[return-value]
 
 
-def words(error: object) -> str:
+def format_fault(error: object) -> str:
     """MuJoCo's message in one line, with advice."""
     said = one_line(error, 200)
     return f"MuJoCo gave up: {said}; {MORE}" if "memory" in said or "stack" in said else f"MuJoCo gave up: {said}"
@@ -95,7 +95,7 @@ def _handle_failure(message: bytes) -> None:
     if call is None:  # not one of ours: what MuJoCo does by default
         print(f"ERROR: {text}", file=sys.stderr, flush=True)
         os._exit(1)
-    call.error = EngineFault(words(text))
+    call.error = EngineFault(format_fault(text))
     call.ended.set()
     while True:
         threading.Event().wait()

@@ -21,11 +21,11 @@ from icmj.base.array import Array
 from icmj.base.interruption import defer_interrupt
 from icmj.base.process import SWITCH
 from icmj.engine.block import Block, Slot
-from icmj.engine.buffers import Buffers, buffers
+from icmj.engine.buffers import Buffers, make_buffers
 from icmj.engine.closed_loop import ComposedLoop
 from icmj.engine.composition import at_ports
 from icmj.engine.extremes import ExtremesTracker
-from icmj.engine.faults import EngineFault, can_fault, words
+from icmj.engine.faults import EngineFault, can_fault, format_fault
 from icmj.engine.native.memory import run_guarded
 from icmj.engine.native.state import (
     EngineTrack,
@@ -38,10 +38,10 @@ from icmj.engine.native.state import (
 )
 from icmj.engine.native.steps import compile_steps
 from icmj.engine.native.stretches import compile_stretches
-from icmj.engine.schedule import Schedule, fastest_rate
+from icmj.engine.schedule import Schedule, find_fastest_rate
 from icmj.errors import ModelError
 from icmj.simulation import ending
-from icmj.simulation.disturbance import no_disturbance
+from icmj.simulation.disturbance import make_no_disturbance
 from icmj.simulation.native.loop import Status
 from icmj.simulation.rows import part_rows
 from icmj.simulation.taps import (
@@ -51,12 +51,12 @@ from icmj.simulation.taps import (
     Taps,
     begin,
     begin_at,
+    compute_first_command,
     copy_of,
-    first_command,
     lengthen,
-    levels_of,
-    taps_of,
-    waves_of,
+    list_levels,
+    make_taps,
+    make_waves,
     widen,
 )
 
@@ -142,7 +142,7 @@ class Flow:
         self._levels = _levels_of(loop, schedule)
         self._lean = self._leave_out()
         outputs = self.track.y.shape[1] - loop.n_y + loop.model.nsensordata
-        self.record: Buffers = buffers(CHUNK, outputs, loop.width, len(loop.controller.realisation.K))
+        self.record: Buffers = make_buffers(CHUNK, outputs, loop.width, len(loop.controller.realisation.K))
         self.start(stand is None)
         _verify(data, block)
 
@@ -211,16 +211,16 @@ def _taps_of(loop: ComposedLoop) -> Taps:
     rate = 1.0  # steps have no stretches
     if not loop.by_steps:
         # of a step that is a whole stretch the dense output is coarser than its end, from which its length follows
-        own = max([fastest_rate(here.plant, loop.controller), *(1 / tau for tau in realisation.delayed[:1])])
+        own = max([find_fastest_rate(here.plant, loop.controller), *(1 / tau for tau in realisation.delayed[:1])])
         rate = max(own, loop.noise / _SWING)
-    return taps_of(realisation, loop.n_y, rate, exact=False)
+    return make_taps(realisation, loop.n_y, rate, exact=False)
 
 
 def _levels_of(loop: ComposedLoop, schedule: Schedule) -> np.ndarray:
     """The levels of the edges, which mean nothing to steps."""
     if loop.by_steps:
         return np.zeros(len(schedule.edges), np.int64)
-    return levels_of(schedule.edges, loop.acting).astype(np.int64)
+    return list_levels(schedule.edges, loop.acting).astype(np.int64)
 
 
 def _begin(loop: ComposedLoop, taps: Taps, data: mujoco.MjData) -> tuple[History, ControllerState]:
@@ -242,12 +242,12 @@ def _reader_of(loop: ComposedLoop, schedule: Schedule) -> Reader:
         np.array([getattr(mode, letter) for mode in modes], dtype=float).reshape(len(modes), *shape)
         for letter, shape in (("M", (n_a, n_a)), ("N", (n_a, entries)), ("K", (nu, n_a)), ("S", (nu, entries)))
     )
-    errors = no_disturbance(n_y) if loop.by_steps else loop.errors
+    errors = make_no_disturbance(n_y) if loop.by_steps else loop.errors
     return Reader(
         entries=ports.entries.astype(np.int64), gain=np.ascontiguousarray(ports.g),
         offset=np.ascontiguousarray(ports.beta - here.y),
         actuators=ports.actuators.astype(np.int64), b=np.ascontiguousarray(ports.b),
-        errors=waves_of(schedule.t_end, (errors, np.eye(n_y))), joint=joint, M=M, N=N, K=K, S=S,
+        errors=make_waves(schedule.t_end, (errors, np.eye(n_y))), joint=joint, M=M, N=N, K=K, S=S,
     )  # fmt: skip
 
 
@@ -288,7 +288,7 @@ def follow(
                 try:
                     status = flow.advance(due)
                 except (EngineFault, mujoco.FatalError) as error:  # what was simulated before stays
-                    fault = str(error) if isinstance(error, EngineFault) else words(error)
+                    fault = str(error) if isinstance(error, EngineFault) else format_fault(error)
                     status = Status.DIVERGED
                 if flow.full or status != Status.RUNNING:
                     with defer_interrupt():
@@ -307,9 +307,9 @@ def follow(
     t = float(data.time) if status == Status.STALLED else log.t
     outcome = loop.outcome(Status.RUNNING if stopped else status, t, data, schedule, events[:, 0])
     if fault:
-        outcome = ending.diverged(t, fault)
+        outcome = ending.end_diverged(t, fault)
     elif crowded is not None and status == Status.RUNNING and not stopped:
-        outcome = ending.stalled(t, crowded)
+        outcome = ending.end_stalled(t, crowded)
     if loop.by_steps:
         u, mode = -loop.state(rows) @ loop.controller.realisation.K.T, np.zeros(len(rows), np.int64)
         jumps = np.zeros((0, 0))
@@ -339,7 +339,7 @@ class Log:
         self.t, self.steps = float(data.time), 0
         self.rows, self.mode, self.u = [here[None, :]], list[np.ndarray](), list[Array]()
         if not loop.by_steps:
-            self.mode, self.u = [now.mode[:1].copy()], [first_command(flow.taps, flow.history, now)[None, :]]
+            self.mode, self.u = [now.mode[:1].copy()], [compute_first_command(flow.taps, flow.history, now)[None, :]]
         self.events: list[Array] = [np.empty((0, loop.width))]
         self.tracker = ExtremesTracker(data.time, loop.y(data.sensordata), self._cuts)
 

@@ -9,7 +9,7 @@ from icmj.base.array import Array
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import (
     OperatingPoint,
-    data_at,
+    make_data,
     solve_fully,
 )
 from icmj.engine.push_table import ACTUATOR, FREEDOM
@@ -17,7 +17,7 @@ from icmj.engine.push_table import ACTUATOR, FREEDOM
 _PUSH = 1e-4  # half the distance of a difference over a push, as a share of the forces at rest, by what they accelerate
 
 
-def forces(model: mujoco.MjModel, data: mujoco.MjData, table: Array, sizes: Array) -> Array:
+def compute_forces(model: mujoco.MjModel, data: mujoco.MjData, table: Array, sizes: Array) -> Array:
     """Generalised forces of pushes of these sizes where the model is, shape (nv,), after its positions are known."""
     total = np.zeros(model.nv)
     for (kind, index, *numbers), size in zip(table, sizes, strict=True):
@@ -35,12 +35,12 @@ def forces(model: mujoco.MjModel, data: mujoco.MjData, table: Array, sizes: Arra
     return total
 
 
-def effects(model: mujoco.MjModel, point: OperatingPoint, table: Array) -> Array:
+def compute_effects(model: mujoco.MjModel, point: OperatingPoint, table: Array) -> Array:
     """Effects of pushes of size 1 on the rates of (qpos, qvel, act) at ``point``, shape (n, K).
 
     Where no constraint acts, accelerations are linear in forces; elsewhere they are differenced.
     """
-    nv, data, found = model.nv, data_at(model, point), np.zeros((2 * model.nv + model.na, len(table)))
+    nv, data, found = model.nv, make_data(model, point), np.zeros((2 * model.nv + model.na, len(table)))
 
     def accelerate(force: Array) -> Array:
         """The accelerations that a force would cause without constraints, M⁻¹ f."""
@@ -53,7 +53,7 @@ def effects(model: mujoco.MjModel, point: OperatingPoint, table: Array) -> Array
         acting = (data.qfrc_bias, data.qfrc_passive, data.qfrc_actuator, data.qfrc_constraint)
         rest = max(float(force @ accelerate(force)) for force in acting)
         for column, row in zip(found.T, table, strict=True):
-            force = forces(model, data, row[None], np.ones(1))
+            force = compute_forces(model, data, row[None], np.ones(1))
             column[nv : 2 * nv] = free = accelerate(force)
             if not data.nefc or not force.any():
                 continue

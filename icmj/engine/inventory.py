@@ -8,12 +8,12 @@ from pathlib import Path
 import mujoco
 
 from icmj.engine.model import (
-    input_names,
     load_model,
-    output_names,
+    name_inputs,
+    name_outputs,
 )
-from icmj.engine.safety import check_names, check_sizes, sound
-from icmj.engine.units import input_units, output_units
+from icmj.engine.safety import check_names, check_sizes, use_model
+from icmj.engine.units import name_input_units, name_output_units
 
 _UNITS = {mujoco.mjtJoint.mjJNT_HINGE: "rad", mujoco.mjtJoint.mjJNT_SLIDE: "m"}
 
@@ -38,20 +38,20 @@ class Inventory:
     timestep: float
 
 
-def inventory(path: Path) -> Inventory:
+def list_inventory(path: Path) -> Inventory:
     """The selectable elements of the model in an MJCF file.
 
     Raises:
         ModelError: if it cannot be loaded; see :func:`icmj.engine.model.load_model`.
     """
-    with sound(path):
+    with use_model(path):
         spec, model = load_model(path)
         check_names(path, spec)
         check_sizes(path, model)
     return Inventory(
         tuple(model.key(i).name for i in range(model.nkey) if model.key(i).name),
-        dict(zip(input_names(model), input_units(model), strict=True)),
-        dict(zip(output_names(model), output_units(model), strict=True)),
+        dict(zip(name_inputs(model), name_input_units(model), strict=True)),
+        dict(zip(name_outputs(model), name_output_units(model), strict=True)),
         {
             model.joint(i).name or f"joint{i}": _UNITS.get(mujoco.mjtJoint(model.jnt_type[i]), "")
             for i in range(model.njnt)

@@ -25,7 +25,7 @@ from icmj.engine.library import find_symbol
 
 
 @contextmanager
-def _alone() -> Iterator[None]:
+def hold_engine() -> Iterator[None]:
     """MuJoCo without what others have set in it: silent, and without callbacks."""
     config = mujoco.MjLogConfig.get()
     console, file = config.logto_console, config.logto_file
@@ -55,7 +55,7 @@ def _take_callbacks() -> dict[str, tuple[Any, int]]:
 
 
 _CALLBACKS = [name[4:] for name in dir(mujoco) if name.startswith(("get_mjcb_", "get_mju_user_warning"))]
-_shared = _alone if INTERPRETED else SharedBlock(_alone)
+_shared = hold_engine if INTERPRETED else SharedBlock(hold_engine)
 _turn = threading.RLock() if INTERPRETED else nullcontext()
 
 

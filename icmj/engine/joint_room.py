@@ -16,25 +16,25 @@ Room = tuple[Array, Array]  # how far each degree of freedom may go down and up
 _BENDS = (0.1, 0.25)  # of a joint's range
 
 
-def starts(
+def list_starts(
     model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, moving: np.ndarray
 ) -> Iterator[tuple[OperatingPoint, Room]]:
     """Starting points and ranges of the search for a balance: the given state, then joints bent into their ranges.
 
     Those of the rule's pose are not.
     """
-    yield given, room(model, given, rule, 0.0)
+    yield given, measure_room(model, given, rule, 0.0)
     for share in _BENDS:
         start = bend(model, given, moving, rule, share)
         if not np.array_equal(start.qpos, given.qpos):
-            yield start, room(model, start, rule, share / 2)
+            yield start, measure_room(model, start, rule, share / 2)
 
 
 def bend(
     model: mujoco.MjModel, given: OperatingPoint, moving: np.ndarray, rule: OperatingRule, share: float
 ) -> OperatingPoint:
     """The given state with free joints at least ``share`` of their range away from its ends."""
-    low, high = room(model, given, rule, share)
+    low, high = measure_room(model, given, rule, share)
     step = np.zeros(model.nv)
     step[moving] = np.clip(0.0, low, high)[moving]
     qpos = given.qpos.copy()
@@ -42,7 +42,7 @@ def bend(
     return replace(given, qpos=qpos)
 
 
-def room(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, share: float) -> Room:
+def measure_room(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, share: float) -> Room:
     """The distances that every degree of freedom may go down and up to stay ``share`` of its range from its ends.
 
     Without a share, and where there is no range, it is not bounded; nor are joints in the rule's pose.

@@ -69,7 +69,7 @@ def find_clipped(plant: MujocoPlant, rows: Array) -> np.ndarray:
     return np.asarray(there & (cutoff > 0))
 
 
-def shares(inputs: Sequence[str], cut: np.ndarray, fact: str = "saturated") -> dict[str, float | str]:
+def measure_shares(inputs: Sequence[str], cut: np.ndarray, fact: str = "saturated") -> dict[str, float | str]:
     """The share of the rows that are limited: as one number, and as text for each limited input (or output)."""
     facts: dict[str, float | str] = {f"{fact}_share": float(cut.any(axis=1).mean())}
     each = [f"{name} {share:.1%}" for name, share in zip(inputs, cut.mean(axis=0), strict=True) if share > 0]

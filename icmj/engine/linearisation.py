@@ -9,22 +9,22 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.engine.activations import activation_rates, is_second_order_lag
-from icmj.engine.forces import effects
+from icmj.engine.forces import compute_effects
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import (
     OperatingPoint,
-    data_at,
     depart,
-    input_names,
-    model_name,
-    operating_point,
-    output_names,
+    get_model_name,
+    get_operating_point,
+    make_data,
+    name_inputs,
+    name_outputs,
+    name_states,
     solve_fully,
-    state_names,
 )
-from icmj.engine.ports import Ports, ports_of, still
+from icmj.engine.ports import Ports, find_ports, find_still
 from icmj.engine.push_table import push_rows
-from icmj.engine.units import input_units, output_units, state_units
+from icmj.engine.units import name_input_units, name_output_units, name_state_units
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.quality import IDLE
@@ -102,11 +102,11 @@ def linearise(
         ModelError: if there is no such keyframe, the model has no input or no output, an actuator has user
             dynamics other than a second-order lag, or a derivative is not finite.
     """
-    ports = ports or ports_of(model)
-    point = point or operating_point(model, keyframe)
-    found = differences(model, point, step_of(model, point) if eps is None else eps)
+    ports = ports or find_ports(model)
+    point = point or get_operating_point(model, keyframe)
+    found = difference_model(model, point, step_of(model, point) if eps is None else eps)
     rows, columns, kept = ports.entries, ports.actuators, ports.states
-    V = still(found.A, np.setdiff1d(np.arange(model.nv), kept), kept[kept < model.nv])
+    V = find_still(found.A, np.setdiff1d(np.arange(model.nv), kept), kept[kept < model.nv])
     V = {i: v for i, v in V.items() if np.abs(found.C[rows] @ v).max(initial=0.0) <= IDLE * np.abs(found.C).max()}
     ports = replace(ports, left=np.array([*V], dtype=int), still=np.array([*V.values()]).reshape(len(V), ports.size))
     plant = LinearPlant(
@@ -116,12 +116,12 @@ def linearise(
         *(
             _pick(of(model), at)
             for of, at in (
-                *((state_names, kept), (input_names, columns), (output_names, rows)),
-                *((state_units, kept), (input_units, columns), (output_units, rows)),
+                *((name_states, kept), (name_inputs, columns), (name_outputs, rows)),
+                *((name_state_units, kept), (name_input_units, columns), (name_output_units, rows)),
             )
         ),
     )
-    plant = replace(plant, B_d=effects(model, point, push_rows(model, columns))[kept])
+    plant = replace(plant, B_d=compute_effects(model, point, push_rows(model, columns))[kept])
     D = found.D[np.ix_(rows, columns)] * ports.b * ports.g[:, None]
     y = ports.read(found.sensordata)
     return Linearisation(plant, point, y, float(np.abs(found.rate).max()), ports, D)
@@ -129,12 +129,12 @@ def linearise(
 
 def step_of(model: mujoco.MjModel, point: OperatingPoint) -> float:
     """Step ``eps`` of the centred differences that suits the model at ``point``."""
-    data = data_at(model, point)
+    data = make_data(model, point)
     mujoco.mj_fwdPosition(model, data)
     return EPS_TOUCHING if data.nefc else EPS
 
 
-def control_steps(model: mujoco.MjModel, point: OperatingPoint, eps: float) -> Array:
+def choose_control_steps(model: mujoco.MjModel, point: OperatingPoint, eps: float) -> Array:
     """Half the distances of the differences over controls, each in its own unit; shape (nu,).
 
     That is ``eps``, of the control at the operating point where that is larger than 1, for a sum of large forces is
@@ -142,7 +142,7 @@ def control_steps(model: mujoco.MjModel, point: OperatingPoint, eps: float) -> A
     that it moves nothing. At a limit, where no step is right, it is half of the range, so that the kink is seen.
     """
     steps = eps * np.maximum(1.0, np.abs(point.ctrl))
-    data = data_at(model, point)
+    data = make_data(model, point)
     mujoco.mj_forward(model, data)
     for i in range(model.nu):
         ranges = [(point.ctrl[i], model.actuator_ctrlrange[i], 1.0)] if model.actuator_ctrllimited[i] else []
@@ -156,20 +156,20 @@ def control_steps(model: mujoco.MjModel, point: OperatingPoint, eps: float) -> A
     return steps
 
 
-def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) -> Differences:
-    """Derivatives of the model at ``point`` by differences over ± ``eps``, of controls over :func:`control_steps`.
+def difference_model(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) -> Differences:
+    """Derivatives of the model at ``point`` by differences over ± ``eps``; controls have :func:`choose_control_steps`.
 
     Raises:
         ModelError: if an actuator has user dynamics that icmj does not know, or a derivative is not finite.
     """
-    name = model_name(model)
+    name = get_model_name(model)
     for i in range(model.nu):
         if model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_USER and not is_second_order_lag(model, i):
             raise ModelError(
-                f"model {name!r}: actuator {input_names(model)[i]!r} has user activation dynamics that icmj does not "
+                f"model {name!r}: actuator {name_inputs(model)[i]!r} has user activation dynamics that icmj does not "
                 'know; it knows second-order lags, actdim="2" dynprm="ω_n ζ" with ω_n > 0'
             )
-    data = data_at(model, point)
+    data = make_data(model, point)
     nv, na, nu = model.nv, model.na, model.nu
     n = 2 * nv + na
 
@@ -183,7 +183,7 @@ def differences(model: mujoco.MjModel, point: OperatingPoint, eps: float = EPS) 
     slopes, right, left = np.zeros((3, n + model.nsensordata, n + nu))
     with isolate_engine(), solve_fully(model):
         rest = evaluate(np.zeros(n + nu))
-        steps = np.append(np.full(n, eps), control_steps(model, point, eps))
+        steps = np.append(np.full(n, eps), choose_control_steps(model, point, eps))
         for j in range(n + nu):
             step = np.zeros(n + nu)
             step[j] = steps[j]

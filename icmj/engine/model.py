@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.engine.activations import activate, muscles_of
+from icmj.engine.activations import activate, select_muscles
 from icmj.engine.body_measures import shape
 from icmj.engine.deviation import Deviation
 from icmj.engine.isolation import isolate_engine
@@ -133,9 +133,9 @@ def load_model(
     if person is not None:
         model = shape(spec, model, person, path.name)
     if activation is not None:
-        names = input_names(model)
+        names = name_inputs(model)
         try:
-            activate(spec, model, names, muscles_of(names, activation, inputs))
+            activate(spec, model, names, select_muscles(names, activation, inputs))
         except ModelError as error:
             raise ModelError(f"{path.name}: {error}") from error
         model = spec.compile()
@@ -144,7 +144,7 @@ def load_model(
     return spec, model
 
 
-def operating_point(model: mujoco.MjModel, keyframe: str | None = None) -> OperatingPoint:
+def get_operating_point(model: mujoco.MjModel, keyframe: str | None = None) -> OperatingPoint:
     """The operating point of a keyframe, or of the model's reference configuration if ``None``.
 
     Raises:
@@ -155,13 +155,13 @@ def operating_point(model: mujoco.MjModel, keyframe: str | None = None) -> Opera
         key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, keyframe)
         if key < 0:
             known = ", ".join(model.key(i).name or str(i) for i in range(model.nkey)) or "none"
-            raise ModelError(f"model {model_name(model)!r} has no keyframe {keyframe!r}; it has {known}")
+            raise ModelError(f"model {get_model_name(model)!r} has no keyframe {keyframe!r}; it has {known}")
         mujoco.mj_resetDataKeyframe(model, data, key)
     parts = (data.qpos, data.qvel, data.act, data.ctrl, data.mocap_pos, data.mocap_quat)
     return OperatingPoint(*(part.copy() for part in parts))
 
 
-def data_at(model: mujoco.MjModel, point: OperatingPoint) -> mujoco.MjData:
+def make_data(model: mujoco.MjModel, point: OperatingPoint) -> mujoco.MjData:
     """New data of ``model``, or of one that has more controls and activations, at an operating point."""
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = point.qpos, point.qvel
@@ -189,12 +189,12 @@ def forget(spec: mujoco.MjSpec) -> None:
         sensor.nsample, sensor.delay, sensor.interval = 0, 0.0, [0.0, 0.0]
 
 
-def model_name(model: mujoco.MjModel) -> str:
+def get_model_name(model: mujoco.MjModel) -> str:
     """The name in the ``<mujoco model=...>`` element."""
     return model.names[: model.names.index(b"\0")].decode()
 
 
-def input_names(model: mujoco.MjModel) -> tuple[str, ...]:
+def name_inputs(model: mujoco.MjModel) -> tuple[str, ...]:
     """Names of the actuators, which are the plant's inputs.
 
     Raises:
@@ -204,14 +204,14 @@ def input_names(model: mujoco.MjModel) -> tuple[str, ...]:
     for name, controls, forces in zip(names, model.actuator_ctrlnum, model.actuator_outnum, strict=True):
         if (controls, forces) != (1, 1):
             raise ModelError(
-                f"model {model_name(model)!r}: actuator {name!r} has {controls} inputs and {forces} outputs; icmj "
+                f"model {get_model_name(model)!r}: actuator {name!r} has {controls} inputs and {forces} outputs; icmj "
                 'takes actuators with one of each: give a pid or dcmotor one input, such as input="pos", '
                 "or write the servo as motors"
             )
     return names
 
 
-def output_names(model: mujoco.MjModel) -> tuple[str, ...]:
+def name_outputs(model: mujoco.MjModel) -> tuple[str, ...]:
     """Names of the sensors, one for each entry of ``sensordata``; they are the plant's outputs."""
     names: list[str] = []
     for i, name in enumerate(_sensors(model)):
@@ -220,7 +220,7 @@ def output_names(model: mujoco.MjModel) -> tuple[str, ...]:
     return tuple(names)
 
 
-def sensor_entries(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
+def place_sensors(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
     """The places of each sensor in ``sensordata``, by its name."""
     places = {}
     for i, name in enumerate(_sensors(model)):
@@ -229,7 +229,7 @@ def sensor_entries(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
     return places
 
 
-def state_names(model: mujoco.MjModel) -> tuple[str, ...]:
+def name_states(model: mujoco.MjModel) -> tuple[str, ...]:
     """Names of the states: nv positions (tangent), nv velocities, na activations."""
     q: list[str] = []
     for i in range(model.njnt):
@@ -237,7 +237,7 @@ def state_names(model: mujoco.MjModel) -> tuple[str, ...]:
         dofs = {int(mujoco.mjtJoint.mjJNT_FREE): 6, int(mujoco.mjtJoint.mjJNT_BALL): 3}.get(kind, 1)
         q += [name] if dofs == 1 else [f"{name}.{j}" for j in range(dofs)]
     act: list[str] = []
-    inputs = input_names(model)
+    inputs = name_inputs(model)
     for i in range(model.nu):
         n = int(model.actuator_actnum[i])
         name = inputs[i]

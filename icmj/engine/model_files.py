@@ -23,7 +23,7 @@ _STRIPPED = re.compile(r"""\bstrippath\s*=\s*["']true["']""")
 _NO_UTF8 = re.compile("[\udc80-\udcff]")  # what "surrogateescape" makes of such bytes
 
 
-def files_of(path: Path) -> tuple[Path, ...]:
+def list_files(path: Path) -> tuple[Path, ...]:
     """A model's file, those of the models that it includes or attaches, and all others that they refer to.
 
     Raises:

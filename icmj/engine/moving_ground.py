@@ -9,14 +9,14 @@ import numpy as np
 
 from icmj.engine.model import (
     OperatingPoint,
-    data_at,
+    make_data,
 )
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import Push, vector
 from icmj.simulation.disturbance import Pushes
 
 
-def on_bodies(model: mujoco.MjModel, point: OperatingPoint, push: Push) -> tuple[Push, ...]:
+def push_bodies(model: mujoco.MjModel, point: OperatingPoint, push: Push) -> tuple[Push, ...]:
     """The pushes on bodies that a push is: itself, or what a motion of the surface is for each body that it carries.
 
     These are −m a of a translation; −m φ n × g of gravity turned by a tilt φ about n; −m φ̈ n × r and −I n φ̈ of a
@@ -27,7 +27,7 @@ def on_bodies(model: mujoco.MjModel, point: OperatingPoint, push: Push) -> tuple
     """
     if push.surface is None:
         return (push,)
-    data, axis, found = data_at(model, point), np.array(push.axis), []
+    data, axis, found = make_data(model, point), np.array(push.axis), []
     mujoco.mj_fwdPosition(model, data)
     for body in range(1, model.nbody):
         mass, name = float(model.body_mass[body]), model.body(body).name
@@ -52,7 +52,7 @@ def spread(model: mujoco.MjModel, point: OperatingPoint, pushes: Pushes) -> Push
     """The same with every motion of the surface as pushes on bodies, each with all terms of it."""
     if all(push.surface is None for push in pushes.places):
         return pushes
-    parts = [on_bodies(model, point, push) for push in pushes.places]
+    parts = [push_bodies(model, point, push) for push in pushes.places]
     first, size = np.cumsum([0, *map(len, parts)]), pushes.size
     of = [range(first[i], first[i + 1]) for i in range(len(parts))]
     term = np.array([i for i, at in enumerate(size.input) for _ in of[at]], dtype=int)

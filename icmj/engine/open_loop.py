@@ -9,17 +9,17 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, has_trigger, layout_of, realise, start_state
+from icmj.controller.controller import Controller, has_trigger, make_layout, realise, start_state
 from icmj.engine.closed_loop import ComposedLoop, close_loop
 from icmj.engine.faults import EngineFault, can_fault
 from icmj.engine.flow import Flow, Log, follow
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.schedule import Schedule
-from icmj.engine.stepping import schedule_of
+from icmj.engine.stepping import make_schedule
 from icmj.errors import CycleError, SimulationError
 from icmj.simulation.course import Sample
 from icmj.simulation.native.loop import Status
-from icmj.simulation.open_loop import OpenLoopInterval, one_in_flight
+from icmj.simulation.open_loop import OpenLoopInterval, expect_one_in_flight
 from icmj.simulation.settings import Settings
 
 NEVER = 1e300  # s between rows: only events are wanted
@@ -41,7 +41,7 @@ class EngineOpenLoop:
         """
         controller = loop.controller
         assert has_trigger(controller)
-        one_in_flight(controller)
+        expect_one_in_flight(controller)
         self.loop, self.controller = loop, controller
         self.schedule = replace(schedule, events=1, record_interval=every)
         self.data: mujoco.MjData = mujoco.MjData(loop.model) if like is None else like.data
@@ -107,7 +107,7 @@ def open_loop(plant: MujocoPlant, controller: Controller, settings: Settings, ev
         SimulationError: if a disturbance names an unknown input or output, or the timestep is not usable.
     """
     loop = close_loop(plant, controller, settings)
-    return EngineOpenLoop(loop, schedule_of(loop, settings), every)
+    return EngineOpenLoop(loop, make_schedule(loop, settings), every)
 
 
 class OpenLoops:
@@ -125,7 +125,7 @@ class OpenLoops:
         if first is None or loop is None:
             self._first = open_loop(plant, controller, settings, every)
             return self._first
-        return EngineOpenLoop(loop, schedule_of(loop, settings), every, first)
+        return EngineOpenLoop(loop, make_schedule(loop, settings), every, first)
 
 
 class EngineCourse:
@@ -149,7 +149,7 @@ class EngineCourse:
         delay = self.controller.delay.t_d
         length = float(rows[-1, 0])
         self.cuts: tuple[float, ...] = (0.0, delay, length) if 0 < delay < length else (0.0, length)
-        self._layout, self._controls = layout_of(self.controller), realise(self.controller)
+        self._layout, self._controls = make_layout(self.controller), realise(self.controller)
         self._held = self._holds(a)
         self._ports = loop.plant.linearisation.ports
         self._nq, self._nv, self._na = loop.model.nq, loop.model.nv, loop.model.na

@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from icmj.base.array import Array, leading
+from icmj.base.array import Array, argmax_abs
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.engine.activations import free_activation_rates
 from icmj.engine.isolation import isolate_engine
-from icmj.engine.joint_room import Room, starts
-from icmj.engine.model import OperatingPoint, data_at, input_names, model_name, state_names
-from icmj.engine.pose_rule import apply_pose, soften, vertical, ways
-from icmj.engine.units import state_units
+from icmj.engine.joint_room import Room, list_starts
+from icmj.engine.model import OperatingPoint, get_model_name, make_data, name_inputs, name_states
+from icmj.engine.pose_rule import apply_pose, find_vertical, list_ways, soften
+from icmj.engine.units import name_state_units
 from icmj.errors import ModelError
 from icmj.plant.body import OperatingRule
 
@@ -35,7 +35,7 @@ _END = 1e-3  # from an end of its room [rad, m], a joint is at it
 _STAY = 1e-3  # how little a joint's change counts beside a force of the whole weight
 
 
-def equilibria(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> Iterator[OperatingPoint]:
+def find_equilibria(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule) -> Iterator[OperatingPoint]:
     """The operating points that ``rule`` makes of ``given``, the nearest first.
 
     There is one, but for a balance, which may lie at the end of a range: then one is sought from bent joints.
@@ -49,8 +49,8 @@ def equilibria(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule
     if rule.kind == "as given":
         return
     failed, found = None, False
-    for moving in ways(model, rule):
-        for start, room in starts(model, given, rule, moving):
+    for moving in list_ways(model, rule):
+        for start, room in list_starts(model, given, rule, moving):
             try:
                 yield _Search(model, start, rule, moving, room).run()
                 found = True
@@ -76,7 +76,7 @@ class _Search:
         self, model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule, moving: np.ndarray, room: Room
     ) -> None:
         self.model, self.given, self.rule = model, given, rule
-        self.data = data_at(model, given)
+        self.data = make_data(model, given)
         self.free, self.room = moving, room
         self.fixed = np.zeros(model.nu, dtype=bool)  # controls at an end of their range
         self.weight = float(model.body_mass.sum() * np.linalg.norm(model.opt.gravity)) or 1.0
@@ -156,7 +156,7 @@ class _Search:
 
     def set_down(self) -> None:
         """Shift a body with a free vertical joint to the height at which its contacts carry the whole weight."""
-        i = vertical(self.model, self.free)
+        i = find_vertical(self.model, self.free)
         if i is None or self.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
             return
         start = self.z[i]
@@ -301,14 +301,14 @@ class _Search:
         if self.held():
             return
         left = np.abs(self.forces(self.z).left)
-        name, i = model_name(self.model), leading(left)
-        stuck = [label for label, fixed in zip(input_names(self.model), self.fixed, strict=True) if fixed]
+        name, i = get_model_name(self.model), argmax_abs(left)
+        stuck = [label for label, fixed in zip(name_inputs(self.model), self.fixed, strict=True) if fixed]
         limits = f"; {', '.join(stuck)} at the end of its range" if stuck else ""
         if left[i] > mujoco.mjMAXVAL:
             limits += f"; MuJoCo takes no control beyond {mujoco.mjMAXVAL:g}, so give the actuator a larger gear"
-        unit = "N m" if state_units(self.model)[i] == "rad" else "N"
+        unit = "N m" if name_state_units(self.model)[i] == "rad" else "N"
         raise ModelError(
             f"model {name!r} cannot be held at rest by operating_point = {self.rule.kind!r}: "
-            f"on {state_names(self.model)[i]} {left[i]:.3g} {unit} are missing{limits}; "
+            f"on {name_states(self.model)[i]} {left[i]:.3g} {unit} are missing{limits}; "
             "choose another pose, or free joints"
         )

@@ -20,7 +20,7 @@ from icmj.base.array import Array
 from icmj.engine.dynamics import Dynamics
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.pose import scene_of
+from icmj.engine.pose import pose_departures
 from icmj.engine.stages import is_flow, may_constrain
 from icmj.simulation.scene import Scene
 
@@ -108,7 +108,7 @@ class Chain:
 
 
 @isolate_engine()
-def chain_of(plant: MujocoPlant) -> tuple[Chain | None, str]:
+def find_chain(plant: MujocoPlant) -> tuple[Chain | None, str]:
     """The links of a model, if it is planar, and why they do not move as the engine moves it; "" where they do."""
     model, point = plant.model, plant.linearisation.point
     joints = np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
@@ -155,7 +155,7 @@ def _links(plant: MujocoPlant, data: mujoco.MjData, hinge: np.ndarray) -> Chain:
         centre=centre - plane, mass=mass, inertia=inertia, armature=model.dof_armature.copy(),
         gravity=model.opt.gravity[::2].copy(), stiffness=model.jnt_stiffness.reshape(n, -1)[:, 0].copy(),
         damping=model.dof_damping.reshape(n, -1)[:, 0].copy(), T_a=T_a, T_u=T_u / here.ports.b, rates=rates, link=link,
-        scene=scene_of(plant, np.zeros(1), np.zeros((1, n))),
+        scene=pose_departures(plant, np.zeros(1), np.zeros((1, n))),
     )  # fmt: skip
 
 

@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.engine.activations import muscles_of, sizes_without, with_muscles, without_muscles
+from icmj.engine.activations import add_muscles, count_without_muscles, remove_muscles, select_muscles
 from icmj.engine.deviation import Deviation
-from icmj.engine.forces import effects
+from icmj.engine.forces import compute_effects
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.linearisation import Linearisation, linearise
 from icmj.engine.model import (
@@ -22,28 +22,28 @@ from icmj.engine.model import (
     OperatingPoint,
     depart,
     forget,
-    input_names,
+    get_operating_point,
     load_model,
     load_spec,
-    operating_point,
-    state_names,
+    name_inputs,
+    name_states,
 )
-from icmj.engine.moving_ground import on_bodies
-from icmj.engine.operating_point import equilibria
-from icmj.engine.ports import ports_of, still
+from icmj.engine.moving_ground import push_bodies
+from icmj.engine.operating_point import find_equilibria
+from icmj.engine.ports import find_ports, find_still
 from icmj.engine.pose_rule import notice_move
-from icmj.engine.push_table import places
+from icmj.engine.push_table import make_table
 from icmj.engine.quality import assess
-from icmj.engine.safety import check_names, check_plant, check_sizes, sound
+from icmj.engine.safety import check_names, check_plant, check_sizes, use_model
 from icmj.engine.sensors import add_sensors
-from icmj.engine.units import state_units
+from icmj.engine.units import name_state_units
 from icmj.errors import ModelError
 from icmj.plant.activation import Activation, Lag
 from icmj.plant.body import OperatingRule, Selection
 from icmj.plant.linear_plant import LinearPlant, Match, Push, pick, ports
 from icmj.plant.person import Person
 from icmj.plant.quality import Notice, Quality, adrift, idle, notice_omission
-from icmj.simulation.position_limit import Limit, limits_of
+from icmj.simulation.position_limit import Limit, get_limits
 from icmj.work.shipped import MODELS
 
 
@@ -87,12 +87,12 @@ class MujocoPlant:
     def rest(self) -> OperatingPoint:
         """The operating point without the activations of the muscles."""
         point = self.linearisation.point
-        return replace(point, act=without_muscles(self.model, self.muscles, point.act))
+        return replace(point, act=remove_muscles(self.model, self.muscles, point.act))
 
     @property
     def states(self) -> tuple[str, ...]:
         """All states of the model, including those that the plant leaves out."""
-        return state_names(self.model)
+        return name_states(self.model)
 
     def matched(self, assumed: LinearPlant, match: Match = "name") -> MujocoPlant:
         """The same plant with the inputs and outputs of ``assumed``; see :func:`icmj.plant.linear_plant.match_ports`.
@@ -123,9 +123,9 @@ class MujocoPlant:
         here, wanted = self.linearisation, [push for push in pushes if push.input is None]
         if not wanted:
             return here.plant
-        parts = [on_bodies(self.model, here.point, push) for push in wanted]
-        tables = (places(self.model, each, (), ()) for each in parts)
-        found = [effects(self.model, here.point, table)[here.ports.states].sum(axis=1) for table in tables]
+        parts = [push_bodies(self.model, here.point, push) for push in wanted]
+        tables = (make_table(self.model, each, (), ()) for each in parts)
+        found = [compute_effects(self.model, here.point, table)[here.ports.states].sum(axis=1) for table in tables]
         return replace(here.plant, pushes=dict(zip(wanted, found, strict=True)))
 
     def limits(self, limit: Limit) -> Array:
@@ -135,7 +135,7 @@ class MujocoPlant:
             SimulationError: if a limit names something that is not a position.
         """
         nv = self.model.nv
-        return limits_of(limit, state_names(self.model)[:nv], state_units(self.model)[:nv])
+        return get_limits(limit, name_states(self.model)[:nv], name_state_units(self.model)[:nv])
 
     @property
     def xml(self) -> str:
@@ -167,30 +167,32 @@ def load_plant(
         activation: the lag of its inputs, which must be motors.
 
     Raises:
-        ModelError: see :func:`icmj.engine.model.load_spec`, :func:`icmj.engine.ports.ports_of`,
-            :func:`icmj.engine.operating_point.equilibria`, :func:`icmj.engine.linearisation.linearise` and
+        ModelError: see :func:`icmj.engine.model.load_spec`, :func:`icmj.engine.ports.find_ports`,
+            :func:`icmj.engine.operating_point.find_equilibria`, :func:`icmj.engine.linearisation.linearise` and
             :mod:`icmj.engine.safety`.
     """
     path, rule = MODELS.meant(Path(path)), operating or OperatingRule()
-    with sound(path):
+    with use_model(path):
         inputs = selection.inputs if selection else None
         spec, model = load_model(path, deviation, person, activation, inputs)
         check_names(path, spec)
         chosen, told, model = add_sensors(spec, model, selection or Selection())
         check_sizes(path, model)
-        ports = ports_of(model, chosen, deviation)
+        ports = find_ports(model, chosen, deviation)
         if model.nhistory:  # what has a delay is not used, and would hold nothing but zeros
             forget(spec)
             model = spec.compile()
         if chosen.spare and chosen.drop:  # what shows a dropped state is left out below
-            ports = ports_of(model, replace(chosen, drop=()), deviation)
-        muscles = muscles_of(input_names(model), activation, inputs)
+            ports = find_ports(model, replace(chosen, drop=()), deviation)
+        muscles = select_muscles(name_inputs(model), activation, inputs)
         if start is not None:
-            start = replace(start, act=with_muscles(sizes_without(model, muscles), muscles, start.act, start.ctrl))
-        given = start or operating_point(model, keyframe)
+            start = replace(
+                start, act=add_muscles(count_without_muscles(model, muscles), muscles, start.act, start.ctrl)
+            )
+        given = start or get_operating_point(model, keyframe)
         models = Models(spec, model)
         model = models.at(given)
-        points = _say_where(path, equilibria(model, given, rule))
+        points = _say_where(path, find_equilibria(model, given, rule))
         raw = (
             MujocoPlant(path, spec, linearise(model, ports=ports, point=point), told, muscles, models)
             for point in points
@@ -211,7 +213,7 @@ def shape_to_person(path: Path, person: Person) -> str:
     Raises:
         ModelError: see :func:`icmj.engine.model.load_spec` and :mod:`icmj.engine.safety`.
     """
-    with sound(path):
+    with use_model(path):
         return load_spec(path, person=person).to_xml()
 
 
@@ -259,7 +261,7 @@ def _without(plant: MujocoPlant, model: mujoco.MjModel, chosen: Selection, devia
         drop += unseen if unseen and plant.quality.undecided else ()
     there = [linear.states.index(name) for name in drop if name in linear.states]
     V, positions = np.eye(linear.n)[:, there], np.flatnonzero(found.states < model.nv)
-    for i, v in still(linear.A, np.intersect1d(there, positions), np.setdiff1d(positions, there)).items():
+    for i, v in find_still(linear.A, np.intersect1d(there, positions), np.setdiff1d(positions, there)).items():
         V[:, there.index(i)] = v
     shown = np.abs(linear.C @ V).max(axis=1, initial=0.0) > 1e-9
     if not there or (shown.any() and not chosen.spare):
@@ -268,14 +270,14 @@ def _without(plant: MujocoPlant, model: mujoco.MjModel, chosen: Selection, devia
     if chosen.spare:  # what is left may show nothing, as the first entry of a quaternion
         shows = ~shown & (np.abs(linear.C).max(axis=1) > 1e-9)
         outputs = tuple(name for name, shows in zip(linear.outputs, shows, strict=True) if shows)
-    ports = ports_of(model, replace(chosen, outputs=outputs, drop=drop), deviation)
+    ports = find_ports(model, replace(chosen, outputs=outputs, drop=drop), deviation)
     kept = replace(plant, linearisation=linearise(model, ports=ports, point=plant.linearisation.point))
     return kept if chosen.drop else replace(kept, told=(*plant.told, notice_omission(linear, drop)))
 
 
 def _say_along(plant: MujocoPlant, model: mujoco.MjModel) -> MujocoPlant:
     """The plant, with a notice of what goes along with states that are left out."""
-    names, ports = state_names(model), plant.linearisation.ports
+    names, ports = name_states(model), plant.linearisation.ports
     told = []
     for i, v in zip(ports.left, ports.still, strict=True):
         far = [j for j in np.argsort(-np.abs(v), kind="stable") if j != i and abs(v[j]) > 1e-6]

@@ -19,11 +19,11 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.engine.deviation import Deviation
 from icmj.engine.model import (
-    input_names,
-    model_name,
-    output_names,
-    sensor_entries,
-    state_names,
+    get_model_name,
+    name_inputs,
+    name_outputs,
+    name_states,
+    place_sensors,
 )
 from icmj.errors import ModelError
 from icmj.plant.body import Selection
@@ -72,19 +72,19 @@ class Ports:
         return state
 
 
-def ports_of(model: mujoco.MjModel, selection: Selection | None = None, deviation: Deviation | None = None) -> Ports:
+def find_ports(model: mujoco.MjModel, selection: Selection | None = None, deviation: Deviation | None = None) -> Ports:
     """The ports of ``model``, with the gains and biases of ``deviation``.
 
     Raises:
         ModelError: if a name is not one of the model's, nothing is left, or an input or output has a delay of its own.
     """
-    chosen, name = selection or Selection(), model_name(model)
-    inputs, outputs, states = input_names(model), output_names(model), state_names(model)
+    chosen, name = selection or Selection(), get_model_name(model)
+    inputs, outputs, states = name_inputs(model), name_outputs(model), name_states(model)
     if not inputs or not outputs:
         missing = "actuator" if not inputs else "sensor"
         hint = "" if not inputs else '; outputs = "joints" takes the positions of its joints'
         raise ModelError(f"model {name!r} has no {missing}; inputs are its actuators and outputs its sensors{hint}")
-    entries = sensor_entries(model)
+    entries = place_sensors(model)
     if isinstance(chosen.outputs, str):
         raise ModelError(f'outputs = "{chosen.outputs}": expected names, or "joints" when a plant is loaded')
     actuators = [
@@ -118,18 +118,18 @@ def _check_prompt(model: mujoco.MjModel, actuators: Sequence[int], entries: Sequ
     """Check that no input and no output used has a delay in the engine: its derivatives there are zeros."""
     advice = "remove it from the model, and give the loop's as [assumed] delay, [actual] delay in the run file"
     sensors = [int(np.searchsorted(model.sensor_adr, entry, side="right")) - 1 for entry in entries]
-    late = [(f"input {input_names(model)[i]!r}", model.actuator_delay[i]) for i in actuators]
+    late = [(f"input {name_inputs(model)[i]!r}", model.actuator_delay[i]) for i in actuators]
     late += [
-        (f"output {output_names(model)[at]!r}", model.sensor_delay[i]) for at, i in zip(entries, sensors, strict=True)
+        (f"output {name_outputs(model)[at]!r}", model.sensor_delay[i]) for at, i in zip(entries, sensors, strict=True)
     ]
     for what, delay in late:
         if delay > 0:
-            raise ModelError(f"model {model_name(model)!r}: {what} has a delay of {delay:g} s; {advice}")
+            raise ModelError(f"model {get_model_name(model)!r}: {what} has a delay of {delay:g} s; {advice}")
     for at, i in zip(entries, sensors, strict=True):
         if (interval := float(model.sensor_interval[i, 0])) > 0:
             raise ModelError(
-                f"model {model_name(model)!r}: output {output_names(model)[at]!r} is read every {interval:g} s only; "
-                "remove its interval, because the observer reads continuously"
+                f"model {get_model_name(model)!r}: output {name_outputs(model)[at]!r} is read every {interval:g} s "
+                "only; remove its interval, because the observer reads continuously"
             )
 
 
@@ -142,7 +142,7 @@ def _states(states: Sequence[str], chosen: Selection, model: str) -> np.ndarray:
     return np.array(kept, dtype=int)
 
 
-def still(A: Array, outside: np.ndarray, inside: np.ndarray) -> dict[int, Array]:
+def find_still(A: Array, outside: np.ndarray, inside: np.ndarray) -> dict[int, Array]:
     """The directions v with A v = 0 of positions ``outside`` a plant that are none alone, with others ``inside``."""
     size, found = np.abs(A).max(initial=0.0), {}
     for i in map(int, outside):

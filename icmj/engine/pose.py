@@ -16,7 +16,7 @@ from icmj.simulation.simulation import Simulation
 SHAPES = ("plane", "sphere", "capsule", "ellipsoid", "cylinder", "box")  # what the replay can draw; others are left out
 
 
-def scene(
+def make_scene(
     plant: MujocoPlant, simulation: Simulation, magnification: float = 10.0, rows: np.ndarray | None = None
 ) -> Scene:
     """Poses of ``plant``'s bodies at every sample of ``simulation``, or at some.
@@ -29,7 +29,7 @@ def scene(
         plant: the plant.
         simulation: a run of it.
         magnification: of the second figure's sway.
-        rows: indices of the samples, such as :func:`icmj.simulation.scene.frames` gives; all if ``None``.
+        rows: indices of the samples, such as :func:`icmj.simulation.scene.select_frames` gives; all if ``None``.
 
     Raises:
         ModelError: if the simulation is not of this plant.
@@ -42,7 +42,7 @@ def scene(
                 f"{plant.path}: the simulation's positions have shape {simulation.qpos.shape}; "
                 f"this model needs {(len(simulation.t), model.nq)}"
             )
-        departure = departures(plant, simulation.qpos[shown])
+        departure = measure_departures(plant, simulation.qpos[shown])
     else:
         ports = plant.linearisation.ports
         if simulation.x.shape[1] != len(ports.states):
@@ -50,14 +50,14 @@ def scene(
                 f"{plant.path}: the simulation has {simulation.x.shape[1]} states, the plant {len(ports.states)}"
             )
         departure = ports.whole(simulation.x[shown])[:, :nv]
-    found, followed = scene_of(plant, simulation.t[shown], departure, magnification), simulation.setpoint
+    found, followed = pose_departures(plant, simulation.t[shown], departure, magnification), simulation.setpoint
     if followed is None or len(followed.x_ss) != len(plant.linearisation.ports.states):
         return found
     wanted = plant.linearisation.ports.whole(simulation.r[shown] @ followed.x_ss.T)[:, :nv]
     return replace(found, target=_skeleton(plant, wanted), magnified_target=_skeleton(plant, magnification * wanted))
 
 
-def scene_of(plant: MujocoPlant, t: Array, departure: Array, magnification: float = 10.0) -> Scene:
+def pose_departures(plant: MujocoPlant, t: Array, departure: Array, magnification: float = 10.0) -> Scene:
     """Poses at departures of the positions from the operating point, in their tangent space, shapes (N,), (N, nv)."""
     model, qpos_0 = plant.model, plant.linearisation.point.qpos
     xpos, xquat, com = _poses(model, qpos_0, departure)
@@ -73,7 +73,7 @@ def scene_of(plant: MujocoPlant, t: Array, departure: Array, magnification: floa
     )
 
 
-def departures(plant: MujocoPlant, qpos: Array) -> Array:
+def measure_departures(plant: MujocoPlant, qpos: Array) -> Array:
     """Departures of MuJoCo's positions from the operating point, in their tangent space; (N, nq) → (N, nv)."""
     departure = np.zeros((len(qpos), plant.model.nv))
     for dq, position in zip(departure, qpos, strict=True):

@@ -9,8 +9,8 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from icmj.engine.model import OperatingPoint, model_name, state_names
-from icmj.engine.units import state_units
+from icmj.engine.model import OperatingPoint, get_model_name, name_states
+from icmj.engine.units import name_state_units
 from icmj.errors import ModelError
 from icmj.plant.body import OperatingRule
 from icmj.plant.quality import Notice
@@ -40,7 +40,7 @@ def apply_pose(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule
     for name, value in rule.pose.items():
         joint = _joint(model, name, "pose")
         if model.jnt_type[joint] not in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):
-            raise ModelError(f"model {model_name(model)!r}: pose: {name} is not a hinge or a slide; use a keyframe")
+            raise ModelError(f"model {get_model_name(model)!r}: pose: {name} is not a hinge or a slide; use a keyframe")
         qpos[model.jnt_qposadr[joint]] = value
     return replace(given, qpos=qpos)
 
@@ -48,7 +48,7 @@ def apply_pose(model: mujoco.MjModel, given: OperatingPoint, rule: OperatingRule
 def _joint(model: mujoco.MjModel, name: str, verb: str) -> int:
     names = [model.joint(i).name or f"joint{i}" for i in range(model.njnt)]
     if name not in names:
-        raise ModelError(f"model {model_name(model)!r} has no joint {name!r} to {verb}; it has {', '.join(names)}")
+        raise ModelError(f"model {get_model_name(model)!r} has no joint {name!r} to {verb}; it has {', '.join(names)}")
     return names.index(name)
 
 
@@ -60,7 +60,7 @@ def free(model: mujoco.MjModel, rule: OperatingRule) -> np.ndarray:
     return np.array([i for i in range(model.nv) if int(model.dof_jntid[i]) in chosen], dtype=int)
 
 
-def ways(model: mujoco.MjModel, rule: OperatingRule) -> list[np.ndarray]:
+def list_ways(model: mujoco.MjModel, rule: OperatingRule) -> list[np.ndarray]:
     """Sets of degrees of freedom that may move: first the fewest that can balance a free body, then all.
 
     It keeps its place and stays upright; only its height is found.
@@ -72,7 +72,7 @@ def ways(model: mujoco.MjModel, rule: OperatingRule) -> list[np.ndarray]:
     return [upright, moving] if loose and not rule.free and len(upright) > len(heights) else [moving]
 
 
-def vertical(model: mujoco.MjModel, free: np.ndarray) -> int | None:
+def find_vertical(model: mujoco.MjModel, free: np.ndarray) -> int | None:
     """The degree of freedom that lifts a body off the floor: z of a free joint, or a vertical slide at the root."""
     for i in free:
         joint = int(model.dof_jntid[i])
@@ -91,11 +91,11 @@ def notice_move(model: mujoco.MjModel, given: OperatingPoint, found: OperatingPo
     """A notice if the operating point found differs from the given pose: by how much, and why."""
     gap = np.zeros(model.nv)
     mujoco.mj_differentiatePos(model, gap, 1.0, given.qpos, found.qpos)
-    units = [unit.removesuffix("/s") for unit in state_units(model)[: model.nv]]
+    units = [unit.removesuffix("/s") for unit in name_state_units(model)[: model.nv]]
     far = [i for i in np.argsort(-np.abs(gap)) if abs(gap[i]) > max(1e-9, 1e-3 * np.abs(gap).max())]
     if not far and np.array_equal(given.ctrl, found.ctrl):
         return
-    names = state_names(model)
+    names = name_states(model)
     steps = [f"{names[i]} {gap[i]:+.3g} {units[i]}".rstrip() for i in far[:4]]
     more = f" and {len(far) - 4} more" if len(far) > 4 else ""
     where = f"away from it by {', '.join(steps)}{more}" if far else "with controls that hold it"

@@ -20,7 +20,7 @@ FREEDOM, ACTUATOR, BODY = 0, 1, 2
 WIDTH = 11
 
 
-def places(
+def make_table(
     model: mujoco.MjModel, pushes: Sequence[Push], inputs: Sequence[str], actuators: Sequence[int] | np.ndarray
 ) -> Array:
     """The table of where ``pushes`` act, shape (K, 11); ``actuators`` are those of the plant's ``inputs``.

@@ -8,25 +8,25 @@ from copy import copy
 import mujoco
 import numpy as np
 
-from icmj.base.array import Array, leading
-from icmj.engine.bounds import excesses
+from icmj.base.array import Array, argmax_abs
+from icmj.engine.bounds import find_excesses
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.joint_room import find_limited
 from icmj.engine.linearisation import (
     EPS,
     Differences,
     Linearisation,
-    differences,
+    difference_model,
     step_of,
 )
 from icmj.engine.model import (
     OperatingPoint,
-    data_at,
-    input_names,
-    output_names,
-    state_names,
+    make_data,
+    name_inputs,
+    name_outputs,
+    name_states,
 )
-from icmj.engine.units import state_units
+from icmj.engine.units import name_state_units
 from icmj.plant import quality
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.quality import BENT, Kink, Margin, Quality, Raised, Residual
@@ -44,7 +44,7 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
     """
     point, plant, ports = linearisation.point, linearisation.plant, linearisation.ports
     step = step_of(model, point)
-    whole, half = (differences(model, point, eps) for eps in (step, step / 2))
+    whole, half = (difference_model(model, point, eps) for eps in (step, step / 2))
     kept, rows, columns = ports.states, ports.entries, ports.actuators
 
     def matrices(found: Differences) -> tuple[Array, Array, Array]:
@@ -62,7 +62,7 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
     kinks = tuple(_kinks(model, linearisation, whole, half))
     return Quality(
         residual=_residual(model, whole),
-        moving=tuple(state_names(model)[i] for i in np.flatnonzero(np.abs(point.qvel) > 1e-9)),
+        moving=tuple(name_states(model)[i] for i in np.flatnonzero(np.abs(point.qvel) > 1e-9)),
         errors=(A, B, C),
         kinks=kinks,
         friction=tuple(_rubbing(model, linearisation)),
@@ -73,7 +73,7 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
         uncontrollable=quality.uncontrollable(plant),
         unobservable=quality.unobservable(plant),
         idle=quality.idle(plant),
-        excesses=excesses(model, point, kept, rows, columns),
+        excesses=find_excesses(model, point, kept, rows, columns),
         dead=quality.dead(plant, _NO_SLOPE * mobile),
         step_effect=quality.compare_steps(slow, quick, float(model.opt.timestep)),
         raised=tuple(dict.fromkeys(_find_raised(model, linearisation))),
@@ -84,7 +84,7 @@ def assess(model: mujoco.MjModel, linearisation: Linearisation) -> Quality:
 def _at_half_step(model: mujoco.MjModel, point: OperatingPoint, eps: float) -> Differences:
     halved = copy(model)
     halved.opt.timestep /= 2
-    return differences(halved, point, eps)
+    return difference_model(halved, point, eps)
 
 
 def _error(whole: Array, half: Array) -> float:
@@ -94,10 +94,10 @@ def _error(whole: Array, half: Array) -> float:
 
 
 def _residual(model: mujoco.MjModel, found: Differences) -> Residual:
-    nv, names, units = model.nv, state_names(model), state_units(model)
+    nv, names, units = model.nv, name_states(model), name_state_units(model)
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
     share = np.abs(found.rate) / np.where(np.arange(len(found.rate)) < nv, gravity, 1.0)
-    i = leading(share)
+    i = argmax_abs(share)
     of, unit = (names[i], f"{units[i]}/s²") if i < nv else (names[nv + i], "1/s")
     return Residual(float(np.abs(found.rate[i])), of, unit, float(share[i]))
 
@@ -107,20 +107,20 @@ def _kinks(
 ) -> Iterator[Kink]:
     """Kinks: the difference of one-sided slopes stays when the step is halved; on a smooth curve it halves."""
     ports, nv, rates = linearisation.ports, model.nv, len(half.rate)
-    n, names = nv + rates, output_names(model)
+    n, names = nv + rates, name_outputs(model)
     bend = _bends(whole, half, ports.states[ports.states >= nv] - nv, n)
     for i in ports.actuators[bend[n + ports.actuators] > 0]:
-        yield Kink(input_names(model)[i], "input", float(bend[n + i]), _why_input(model, int(i), linearisation))
+        yield Kink(name_inputs(model)[i], "input", float(bend[n + i]), _why_input(model, int(i), linearisation))
     for i in ports.states[bend[ports.states] > 0]:
         why = "a joint limit, a contact or dry friction begins there; move the operating point away from it"
-        yield Kink(state_names(model)[i], "state", float(bend[i]), why)
+        yield Kink(name_states(model)[i], "state", float(bend[i]), why)
     for entry in ports.entries:
         bend = _bends(whole, half, np.array([rates + entry]), n)
         for i in ports.states[bend[ports.states] > 0]:
             why = (
                 f"output {names[entry]!r} has a corner there, such as its cutoff; move the operating point away from it"
             )
-            yield Kink(state_names(model)[i], "state", float(bend[i]), why)
+            yield Kink(name_states(model)[i], "state", float(bend[i]), why)
 
 
 def _bends(whole: Differences, half: Differences, rows: Array, n: int) -> Array:
@@ -154,7 +154,7 @@ def _why_input(model: mujoco.MjModel, i: int, linearisation: Linearisation) -> s
 
 def _rubbing(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[str]:
     """Degrees of freedom and tendons that the engine holds by dry friction at the operating point."""
-    data, names = data_at(model, linearisation.point), state_names(model)
+    data, names = make_data(model, linearisation.point), name_states(model)
     with isolate_engine():
         mujoco.mj_forward(model, data)
     for kind, i in zip(data.efc_type, data.efc_id, strict=True):
@@ -175,7 +175,7 @@ _CONSTRAINTS = {
 
 def _find_raised(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[Raised]:
     """Constraints at the operating point whose time constant is less than two steps, and which the engine softens."""
-    data, taken = data_at(model, linearisation.point), 2 * float(model.opt.timestep)
+    data, taken = make_data(model, linearisation.point), 2 * float(model.opt.timestep)
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_REFSAFE:
         return
     with isolate_engine():
@@ -184,7 +184,7 @@ def _find_raised(model: mujoco.MjModel, linearisation: Linearisation) -> Iterato
         if (sort := _CONSTRAINTS.get(mujoco.mjtConstraint(kind))) is not None:
             element, words, array = sort
             solref = getattr(model, array)[i]
-            name = state_names(model)[i] if element == "dof" else getattr(model, element)(i).name or str(i)
+            name = name_states(model)[i] if element == "dof" else getattr(model, element)(i).name or str(i)
         else:  # a contact, of whose geoms the engine has mixed them
             solref, pair = data.contact[i].solref, data.contact[i].geom
             name, words = " and ".join(model.geom(j).name or f"geom{j}" if j >= 0 else "flex" for j in pair), "{}"
@@ -196,11 +196,11 @@ def _margins(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[Ma
     for i in linearisation.ports.actuators:
         if model.actuator_ctrllimited[i]:
             ctrl, (low, high) = linearisation.point.ctrl[i], model.actuator_ctrlrange[i]
-            yield Margin(input_names(model)[i], float(ctrl - low), float(high - ctrl))
+            yield Margin(name_inputs(model)[i], float(ctrl - low), float(high - ctrl))
 
 
 def _room(model: mujoco.MjModel, linearisation: Linearisation) -> Iterator[Margin]:
-    names, kept = state_names(model), set(linearisation.ports.states)
+    names, kept = name_states(model), set(linearisation.ports.states)
     for i in find_limited(model):
         if i in kept:
             joint = model.dof_jntid[i]

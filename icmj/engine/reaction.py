@@ -19,12 +19,12 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.controller import Controller, has_trigger
 from icmj.controller.law import Law
-from icmj.engine.forces import forces
+from icmj.engine.forces import compute_forces
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import solve_fully
-from icmj.engine.moving_ground import on_bodies
+from icmj.engine.moving_ground import push_bodies
 from icmj.engine.plant import MujocoPlant, place
-from icmj.engine.push_table import places
+from icmj.engine.push_table import make_table
 from icmj.errors import ModelError
 from icmj.series.series import Series
 from icmj.simulation.pressure import Pressure
@@ -113,7 +113,7 @@ def ground_force(plant: MujocoPlant, simulation: Simulation, level: float | None
     )
 
 
-def with_pressure(plant: MujocoPlant, controller: Law, simulation: Simulation) -> Simulation:
+def add_pressure(plant: MujocoPlant, controller: Law, simulation: Simulation) -> Simulation:
     """The simulation with the ground reaction if the plant stands on a floor, otherwise unchanged."""
     if not (_Ground(plant).at_rest()[1] > 0).any():
         return simulation
@@ -139,10 +139,10 @@ def centre_of_pressure(plant: MujocoPlant, simulation: Simulation, controller: C
     if not (load_at_rest > 0).any():
         raise ModelError(f"{plant.path}: nothing stands on the ground at the operating point")
     events, moved = simulation.events, simulation.applied if simulation.applied.size else simulation.u
-    parts = [on_bodies(ground.model, plant.linearisation.point, push) for push in simulation.pushes]
+    parts = [push_bodies(ground.model, plant.linearisation.point, push) for push in simulation.pushes]
     pushes = [push for each in parts for push in each]
     column = np.repeat(np.arange(len(parts)), list(map(len, parts)))  # of `pushed`, for each of them
-    table = places(ground.model, pushes, simulation.labels.inputs, plant.linearisation.ports.actuators)
+    table = make_table(ground.model, pushes, simulation.labels.inputs, plant.linearisation.ports.actuators)
     sizes = simulation.pushed[:, column] if parts else simulation.pushed
     centre, load = ground.contacts(simulation.x, moved, simulation.qpos, (table, sizes))
     after = slice(0, 0)
@@ -192,7 +192,7 @@ class _Ground:
                 try:
                     if pushes is not None and len(pushes[0]):
                         mujoco.mj_fwdPosition(model, data)
-                        data.qfrc_applied[:] = forces(model, data, pushes[0], pushes[1][i])
+                        data.qfrc_applied[:] = compute_forces(model, data, pushes[0], pushes[1][i])
                     mujoco.mj_forward(model, data)
                 except mujoco.FatalError:  # a heap of contacts, of what fell
                     continue

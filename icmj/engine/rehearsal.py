@@ -16,7 +16,7 @@ import mujoco
 
 from icmj.base.bounded_program import run_bounded
 from icmj.base.text import one_line
-from icmj.engine.library import library
+from icmj.engine.library import find_library
 from icmj.errors import ModelError
 
 SECONDS, BYTES = 10, 4 << 30  # of processor time, of memory
@@ -71,7 +71,7 @@ def rehearse(path: Path) -> None:
     Raises:
         ModelError: if it does.
     """
-    given = str(library()), os.path.abspath(path), str(REFUSED), *_plugins()
+    given = str(find_library()), os.path.abspath(path), str(REFUSED), *_plugins()
     command = [sys.executable, "-I", "-S", "-c", _PROGRAM, *given]
     too_much = f"{path}: compiling the model takes more than {SECONDS} s or {BYTES >> 30} GB; make it smaller"
     try:

@@ -12,21 +12,21 @@ from icmj.base.array import Array
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.controller.controller import has_trigger
 from icmj.controller.law import Law
-from icmj.engine.accuracy import estimate, facts
+from icmj.engine.accuracy import estimate, list_facts
 from icmj.engine.buffers import States
 from icmj.engine.closed_loop import ComposedLoop, close_loop
 from icmj.engine.flow import follow
-from icmj.engine.limits import apply_limits, find_clipped, has_limit, shares
+from icmj.engine.limits import apply_limits, find_clipped, has_limit, measure_shares
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.stepping import stepping_of
+from icmj.engine.stepping import choose_stepping
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.labels import labels_of
+from icmj.simulation.labels import make_labels
 from icmj.simulation.readings import expect_no_observer, expect_readings
 from icmj.simulation.rows import ControllerRows, collect_drives, keep_rows
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
-from icmj.simulation.start import plant_start, start_states
-from icmj.simulation.taps import least_of, modes_of
+from icmj.simulation.start import make_plant_start, start_states
+from icmj.simulation.taps import get_least_interval, get_modes
 
 
 @limit_to_one_thread()
@@ -47,7 +47,7 @@ def simulate(
     Args:
         plant: the actual plant.
         controller: design, hold and trigger, or any other, by its realisation (:mod:`icmj.engine.flow`).
-        settings: duration, start, steps and disturbance; see :func:`icmj.engine.stepping.stepping_of`.
+        settings: duration, start, steps and disturbance; see :func:`icmj.engine.stepping.choose_stepping`.
         x0: plant state at t = 0 as departure from the operating point, shape (n,); replaces ``settings.initial``.
         x_o0: observer state at t = 0, shape (n̂,); replaces ``settings.observer``.
         x_h0: hold state at t = 0, shape (n̂,); x_o0 if ``None``, because t = 0 is an event.
@@ -77,7 +77,7 @@ def simulate(
     linear, real = plant.linearisation.plant, controller.realisation
     x, a = _start(linear, controller, settings, (x0, x_o0, x_h0, a0))
     loop = close_loop(plant, controller, settings)
-    steps = stepping_of(loop, settings)
+    steps = choose_stepping(loop, settings)
     schedule = loop.schedule(settings, steps.timestep, steps.tolerance)
 
     begin = time.perf_counter()
@@ -85,7 +85,7 @@ def simulate(
     inside = np.zeros(len(loop.block.M))
     inside[: 0 if real.tapped else len(a)] = a[: 0 if real.tapped else len(a)]
     record = follow(loop, loop.data(x, inside), schedule, progress, repeatable=repeatable)
-    precision = facts(loop, steps, schedule, record, time.perf_counter() - begin)
+    precision = list_facts(loop, steps, schedule, record, time.perf_counter() - begin)
     if error_estimate:
         precision |= estimate(loop, schedule, record).facts(schedule, linear.outputs)
 
@@ -108,11 +108,11 @@ def simulate(
         qpos=record.rows[:, 1 : 1 + loop.model.nq],
         delay=real.delay if real.eventful else 0.0,
         applied=acting,
-        least=least_of(real),
+        least=get_least_interval(real),
         noisy=settings.noisy,
-        labels=labels_of(linear, controller.plant) if has_trigger(controller) else labels_of(linear),
+        labels=make_labels(linear, controller.plant) if has_trigger(controller) else make_labels(linear),
         jumps=record.jumps,
-        **modes_of(real, record.mode),
+        **get_modes(real, record.mode),
         **collect_drives(controller, loop.acting, record.rows[:, 0]),
     )
 
@@ -127,7 +127,7 @@ def _start(
     expect_no_observer(law, settings, x_o0, x_h0)
     size = expect_readings(law, plant).layout.size
     a = np.zeros(size) if a0 is None else np.asarray(a0, dtype=float)
-    return plant_start(plant, settings, x0), a
+    return make_plant_start(plant, settings, x0), a
 
 
 def _hold_rows(law: Law, states: States, u: Array) -> ControllerRows:
@@ -141,7 +141,7 @@ def _limits(plant: MujocoPlant, loop: ComposedLoop, rows: Array, u: Array) -> tu
     """What acts at recorded rows of the commands ``u``, and the limits of actuators and sensors that were reached."""
     acting, cut = apply_limits(plant, loop.disturbance, rows, u)
     linear = plant.linearisation.plant
-    reached = shares(linear.inputs, cut) if has_limit(loop.model) else {}
+    reached = measure_shares(linear.inputs, cut) if has_limit(loop.model) else {}
     if (short := find_clipped(plant, rows)).any():
-        reached |= shares(linear.outputs, short, "clipped")
+        reached |= measure_shares(linear.outputs, short, "clipped")
     return acting, reached

@@ -16,7 +16,7 @@ import numpy as np
 
 from icmj.base.blas_threads import ignore_warnings
 from icmj.base.text import one_line
-from icmj.engine.faults import words
+from icmj.engine.faults import format_fault
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.model_files import read_contents
 from icmj.engine.rehearsal import rehearse
@@ -40,7 +40,7 @@ _known_good: set[str] = set()
 
 
 @contextmanager
-def sound(path: Path) -> Iterator[None]:
+def use_model(path: Path) -> Iterator[None]:
     """Load and use the model of ``path`` within the block: tried first if need be, errors in one line, nothing printed.
 
     Raises:
@@ -51,7 +51,7 @@ def sound(path: Path) -> Iterator[None]:
         with isolate_engine(), ignore_warnings():  # by the compiler, of models that it takes all the same
             yield
     except mujoco.FatalError as error:
-        raise ModelError(f"{path}: {words(error)}") from error
+        raise ModelError(f"{path}: {format_fault(error)}") from error
     except MemoryError as error:
         raise ModelError(f"{path}: the model needs more memory than there is") from error
     except (np.linalg.LinAlgError, ArithmeticError) as error:

@@ -12,7 +12,7 @@ from icmj.controller.law import Law
 from icmj.plant.linear_plant import LinearPlant
 
 
-def rates_of(plant: LinearPlant, controller: Law) -> np.ndarray:
+def compute_rates(plant: LinearPlant, controller: Law) -> np.ndarray:
     """Eigenvalues λ of plant and controller between events, of all modes, as if nothing were delayed [1/s]."""
     controls = controller.realisation
     found = []
@@ -24,9 +24,9 @@ def rates_of(plant: LinearPlant, controller: Law) -> np.ndarray:
     return np.concatenate(found)
 
 
-def fastest_rate(plant: LinearPlant, controller: Law) -> float:
+def find_fastest_rate(plant: LinearPlant, controller: Law) -> float:
     """Largest |λ| of plant and controller between events, in any mode, as if nothing were delayed [rad/s]."""
-    return float(np.abs(rates_of(plant, controller)).max())
+    return float(np.abs(compute_rates(plant, controller)).max())
 
 
 EVENT_TOLERANCE = 1e-13  # s; event times are located by Newton until a correction is smaller than this
@@ -69,7 +69,7 @@ class Schedule:
         return int(np.searchsorted(self.edges, t, side="right"))
 
 
-def row_after(t: float, interval: float, breaks: Array) -> float:
+def find_next_row(t: float, interval: float, breaks: Array) -> float:
     """When the first row after ``t`` is due [s]: at a multiple of ``interval`` or a break, of which the last is inf.
 
     Where ``t`` is one itself, but for rounding, it is the next.
@@ -82,7 +82,7 @@ def row_after(t: float, interval: float, breaks: Array) -> float:
     )
 
 
-def phases_of(edges: Array) -> Array:
+def choose_phases(edges: Array) -> Array:
     """A time ≥ 0 strictly within each stretch between ``edges``."""
     if len(edges) == 0:
         return np.zeros(1)

@@ -8,8 +8,8 @@ from dataclasses import replace
 import mujoco
 
 from icmj.engine.model import (
-    output_names,
-    sensor_entries,
+    name_outputs,
+    place_sensors,
 )
 from icmj.plant.body import Selection
 from icmj.plant.quality import Notice
@@ -30,7 +30,7 @@ def add_sensors(
     ``"joints"`` means the positions of all joints, and so does a model without sensors; ``<joint>`` and
     ``<joint>_rate`` those of one. A ball joint gives its quaternion, a free joint the position of its body and, as
     ``<joint>_turn``, its quaternion; ``.0`` and so on single entries. Sensors that the model lacks are added. Names
-    that are neither a sensor nor a joint stay, for :func:`icmj.engine.linearisation.ports_of` to refuse. ``model`` is
+    that are neither a sensor nor a joint stay, for :func:`icmj.engine.ports.find_ports` to refuse. ``model`` is
     what the spec compiles to; the last that is returned is what it then compiles to.
     """
     told: tuple[Notice, ...] = ()
@@ -46,7 +46,7 @@ def add_sensors(
     everything = selection.outputs == "joints"
     wanted = tuple(joints) if everything else selection.outputs
     assert wanted is not None
-    known = {*output_names(model), *sensor_entries(model)}
+    known = {*name_outputs(model), *place_sensors(model)}
     outputs: list[str] = []
     added: dict[tuple[str, bool], list[str]] = {}
     for name in (wanted,) if isinstance(wanted, str) else wanted:

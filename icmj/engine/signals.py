@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.simulation.grid import at_points, points_of
+from icmj.simulation.grid import count_points, draw_at_points
 from icmj.simulation.sources import Gridded
 
 REACH = 2.0  # Z [rad]: the first power left out is below Z^24/24! = 3e-17 of the amplitude
@@ -29,17 +29,17 @@ CELL = 1 + KEPT * PLACE
 FOREVER = 1e30  # s: the end of what does not end, and the longest cell of a constant
 
 
-def sorted_terms(table: Array) -> Array:
+def sort_terms(table: Array) -> Array:
     """Terms as :class:`icmj.engine.block.Block` has them, those of one signal together."""
     return table[np.lexsort((table[:, 5], table[:, 4], table[:, 0]))]
 
 
-def signals_of(table: Array, first: int) -> Array:
+def list_signals(table: Array, first: int) -> Array:
     """(place, start, end, first term, the one after the last, width of a cell [s]) of each signal, shape (S, 6).
 
     Of Gaussian noise (:func:`draw_signals`) the fourth is below zero: −1 less the number of its first value.
 
-    ``table`` are :func:`sorted_terms`, whose first one has the number ``first``.
+    ``table`` are :func:`sort_terms`, whose first one has the number ``first``.
     """
     places = table[:, [0, 4, 5]]
     begins = np.flatnonzero(np.r_[True, np.any(places[1:] != places[:-1], axis=1)][: len(table)])
@@ -49,7 +49,7 @@ def signals_of(table: Array, first: int) -> Array:
     return np.column_stack([places[begins], first + begins, first + ends, width])
 
 
-def weights_of(terms: Array, signals: Array) -> Array:
+def compute_weights(terms: Array, signals: Array) -> Array:
     """What makes cells of the terms: 28 numbers of each term, those of a signal together, each number of all its terms.
 
     The numbers are room for cos θ and sin θ, cosine and sine of what θ turns by from cell to cell, coefficients of
@@ -66,7 +66,7 @@ def weights_of(terms: Array, signals: Array) -> Array:
     return np.concatenate(found)
 
 
-def cells_of(signals: Array) -> Array:
+def make_cells(signals: Array) -> Array:
     """Arrays for the cells of each signal: the cell whose phases are known, (number, coefficients) in each place."""
     cells = np.zeros((len(signals), CELL))
     cells[:, 0] = cells[:, 1::PLACE] = np.nan
@@ -83,7 +83,7 @@ def draw_signals(noises: Sequence[tuple[int, float, Gridded]], first: int, durat
     """
     rows, values = [], [np.zeros(0)]
     for place, factor, noise in noises:
-        drawn = factor * at_points(noise, 0, points_of(noise, duration))
+        drawn = factor * draw_at_points(noise, 0, count_points(noise, duration))
         begin = first + sum(map(len, values))
         rows.append((place, noise.start, FOREVER, -1 - begin, begin + len(drawn), noise.interval))
         values.append(drawn)

@@ -35,7 +35,7 @@ def _kinds(names: tuple[str, ...]) -> np.ndarray:
     return np.array([int(getattr(_Sensor, f"mjSENS_{name}")) for name in names])
 
 
-def stages_of(model: mujoco.MjModel) -> Stages:
+def choose_stages(model: mujoco.MjModel) -> Stages:
     """The fewest stages that give the accelerations of a composed model."""
     sensors = model.sensor_type[model.sensor_needstage != mujoco.mjtStage.mjSTAGE_ACC]
     simple = np.isin(sensors, _kinds(_KINEMATIC))

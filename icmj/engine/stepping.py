@@ -16,7 +16,7 @@ from icmj.base.array import Array
 from icmj.controller.law import Law
 from icmj.engine.closed_loop import ComposedLoop, close_loop, refuse_choice
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.schedule import Schedule, rates_of
+from icmj.engine.schedule import Schedule, compute_rates
 from icmj.errors import SimulationError
 from icmj.simulation.settings import LEAST_TOLERANCE, Settings
 
@@ -47,7 +47,7 @@ class Stepping:
     refusal: str = ""
 
 
-def stepping_of(loop: ComposedLoop, settings: Settings) -> Stepping:
+def choose_stepping(loop: ComposedLoop, settings: Settings) -> Stepping:
     """The steps that the settings request, as far as the model allows it.
 
     With neither tolerance, timestep nor integrator the step is chosen for 1e-8 in a model in which nothing can touch,
@@ -58,14 +58,14 @@ def stepping_of(loop: ComposedLoop, settings: Settings) -> Stepping:
         SimulationError: if the timestep is shorter than 1e-9 s or longer than the run.
     """
     if settings.timestep is not None or settings.integrator is not None:
-        return Stepping(timestep_of(loop, settings))
+        return Stepping(get_timestep(loop, settings))
     if refusal := refuse_choice(loop, settings):
-        return Stepping(timestep_of(loop, settings), refusal=refusal if settings.tolerance else "")
+        return Stepping(get_timestep(loop, settings), refusal=refusal if settings.tolerance else "")
     tolerance = settings.tolerance or DEFAULT_TOLERANCE
     return Stepping(choose_step(loop, settings, tolerance), tolerance)
 
 
-def timestep_of(loop: ComposedLoop, settings: Settings) -> float:
+def get_timestep(loop: ComposedLoop, settings: Settings) -> float:
     """The timestep of the settings, or the model's [s].
 
     Raises:
@@ -82,7 +82,7 @@ def choose_step(loop: ComposedLoop, settings: Settings, tolerance: float) -> flo
     law, real = loop.controller, loop.controller.realisation
     omega = np.append(loop.acting.omega, real.signals[:, 2])
     returning = not loop.by_steps or real.delay > 0 or len(omega) > 0
-    step = step_for(rates_of(loop.plant.linearisation.plant, law), omega, tolerance, returning=returning)
+    step = step_for(compute_rates(loop.plant.linearisation.plant, law), omega, tolerance, returning=returning)
     most = ROWS * settings.record_interval  # rows of a step
     return max(min(round_step(step), settings.duration, most), SHORTEST)
 
@@ -120,13 +120,13 @@ def round_step(step: float) -> float:
     return math.ldexp(math.floor(mantissa * 32) / 32, exponent)
 
 
-def schedule_of(loop: ComposedLoop, settings: Settings) -> Schedule:
+def make_schedule(loop: ComposedLoop, settings: Settings) -> Schedule:
     """The times and steps of a run.
 
     Raises:
-        SimulationError: as for :func:`stepping_of`.
+        SimulationError: as for :func:`choose_stepping`.
     """
-    steps = stepping_of(loop, settings)
+    steps = choose_stepping(loop, settings)
     return loop.schedule(settings, steps.timestep, steps.tolerance)
 
 
@@ -134,9 +134,9 @@ def refine(plant: MujocoPlant, controller: Law, settings: Settings, factor: floa
     """The settings with ``factor`` on the timestep, or its fourth power on the tolerance.
 
     Raises:
-        ModelError, SimulationError: as for :func:`icmj.engine.closed_loop.close_loop` and :func:`stepping_of`.
+        ModelError, SimulationError: as for :func:`icmj.engine.closed_loop.close_loop` and :func:`choose_stepping`.
     """
-    steps = stepping_of(close_loop(plant, controller, settings), settings)
+    steps = choose_stepping(close_loop(plant, controller, settings), settings)
     if steps.tolerance:
         return replace(settings, tolerance=max(factor**4 * steps.tolerance, LEAST_TOLERANCE))
     return replace(settings, timestep=factor * steps.timestep, tolerance=None)

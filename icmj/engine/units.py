@@ -17,18 +17,18 @@ _SENSOR = {
 }  # fmt: skip
 
 
-def state_units(model: mujoco.MjModel) -> tuple[str, ...]:
+def name_state_units(model: mujoco.MjModel) -> tuple[str, ...]:
     """One for each state; an activation's is known where it is a lag of the control."""
     q = [unit for i in range(model.njnt) for unit in _JOINT[mujoco.mjtJoint(model.jnt_type[i])]]
     return (*q, *(_per_second(unit) for unit in q), *(unit for i in range(model.nu) for unit in _activations(model, i)))
 
 
-def input_units(model: mujoco.MjModel) -> tuple[str, ...]:
+def name_input_units(model: mujoco.MjModel) -> tuple[str, ...]:
     """One for each actuator: N m or N for a motor (with its factor, where it has one), the servo's own for a servo."""
     return tuple(_input(model, i) for i in range(model.nu))
 
 
-def output_units(model: mujoco.MjModel) -> tuple[str, ...]:
+def name_output_units(model: mujoco.MjModel) -> tuple[str, ...]:
     """One for each entry of ``sensordata``."""
     return tuple(_output(model, i) for i in range(model.nsensor) for _ in range(int(model.sensor_dim[i])))
 

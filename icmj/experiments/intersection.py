@@ -17,13 +17,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, between
+from icmj.base.array import Array, is_between
 from icmj.base.card import Card, WithCard
 from icmj.errors import AnalysisError, DataError
 from icmj.measurement.statistics import cut_windows
-from icmj.series.even_rows import even_series
+from icmj.series.even_rows import resample_series
 from icmj.series.series import Series
-from icmj.series.units import in_si
+from icmj.series.units import convert_to_si
 
 WINDOW = 5.12  # s: 512 samples at 100 Hz
 PADDED = 2  # lengths of a window that its transform has, filled with zeros
@@ -78,7 +78,7 @@ class IntersectionPoint(WithCard):
         rows = tuple(
             (f"{at:g} Hz", f"{np.interp(at, f, shown):.3f}{of or ' m'}")
             for at in (0.5, 1, 2, 4, 7)
-            if between(at, f[0], f[-1])
+            if is_between(at, f[0], f[-1])
         )
         source = f"{self.windows} windows" if self.windows else "theory"
         return Card(f"intersection point from {f[0]:.3g} to {f[-1]:.3g} Hz, {source}", rows)
@@ -112,8 +112,8 @@ def intersection_point(
         DataError: if there is no such signal, its unit is unknown, values are missing, the record is shorter than a
             window, or the signals are constant.
     """
-    pair = even_series(series.chosen([angle, cop]))
-    theta, p = in_si(pair, "angle", "length").values.T
+    pair = resample_series(series.chosen([angle, cop]))
+    theta, p = convert_to_si(pair, "angle", "length").values.T
     step = float(pair.t[-1] - pair.t[0]) / (len(pair) - 1)
     length = round(window / step)
     if not (np.isfinite(window) and length >= 16):
@@ -121,7 +121,7 @@ def intersection_point(
     if len(pair) < length:
         raise DataError(f"{len(pair) * step:.4g} s of record for windows of {window:g} s; expected at least one window")
     frequency, S, windows = _cross_spectrum(np.stack([theta, p], axis=1), step, length)
-    kept = between(frequency, *band) & (frequency > 0)
+    kept = is_between(frequency, *band) & (frequency > 0)
     if not kept.any():
         raise DataError(f"no line of the spectrum from {band[0]:g} to {band[1]:g} Hz; widen the band")
     if not (np.ptp(theta) > 0 and np.ptp(p) > 0):
@@ -164,7 +164,7 @@ def force_angle(series: Series, horizontal: str, vertical: str) -> Series:
         DataError: if there is no such signal, units are not those of forces, or the vertical force is not positive.
     """
     pair = series.chosen([horizontal, vertical])
-    x, z = in_si(pair, "force", "force").values.T
+    x, z = convert_to_si(pair, "force", "force").values.T
     if not (z[np.isfinite(z)] > 0).all():
         raise DataError(f"{vertical}: is not positive throughout; expected the ground's upward force on the body")
     return Series(

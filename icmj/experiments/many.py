@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, instants, naturals
+from icmj.base.array import Array, as_naturals, list_multiples
 from icmj.base.card import Card, WithCard
 from icmj.case.case import Case, PlantKind, prepare, revise, simulate, simulate_plant
 from icmj.case.plants import linear_plant
@@ -117,9 +117,9 @@ def simulate_many(
     """
     expect(case, Case, "simulate_many")
     varied = {key: _vector(key, values) for key, values in (vary or {}).items()}
-    each = None if seeds is None else naturals(seeds, "seeds", SimulationError)
+    each = None if seeds is None else as_naturals(seeds, "seeds", SimulationError)
     lengths = {key: len(values) for key, values in varied.items()} | ({} if each is None else {"seeds": len(each)})
-    n = int(naturals(next(iter(lengths.values()), 1) if n is None else n, "n", SimulationError)[0])
+    n = int(as_naturals(next(iter(lengths.values()), 1) if n is None else n, "n", SimulationError)[0])
     wrong = [f"{key} has {length}" for key, length in lengths.items() if length != n]
     if wrong or n < 1:
         raise SimulationError(f"{n} runs{', but ' * bool(wrong)}{', '.join(wrong)}; give one value for each run")
@@ -259,7 +259,7 @@ def _numbers(told: object) -> dict[str, Array]:
 
 
 def _grid(settings: Settings) -> Array:
-    return instants(settings.record_interval, settings.duration)
+    return list_multiples(settings.record_interval, settings.duration)
 
 
 def _record_steps(case: Case) -> Case:

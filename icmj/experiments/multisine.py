@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, steps_in
+from icmj.base.array import Array, count_steps
 from icmj.base.card import Card, WithCard
 from icmj.errors import DataError
-from icmj.series.even_rows import even_series
+from icmj.series.even_rows import resample_series
 from icmj.series.series import Series
 
 FEWEST = 2  # periods: with one nothing tells noise from response
@@ -166,7 +166,7 @@ def _whole_periods(pair: Series, period: float) -> tuple[Series, int]:
     for name, unit in zip(pair.names, pair.units, strict=True):
         if not unit:
             raise DataError(f"{name}: has no unit; give one, as in '{name} [rad]'")
-    pair = even_series(pair)
+    pair = resample_series(pair)
     step = float(pair.t[-1] - pair.t[0]) / (len(pair) - 1)
     length = round(period / step)
     if length < 4:
@@ -187,7 +187,7 @@ def _fit_samples(pair: Series, period: float, step: float, length: int) -> Serie
     from scipy.interpolate import CubicSpline
 
     # a record that ends a part of a sample too early, as one of another clock does, is continued by this much
-    count = steps_in((len(pair) + _SHORT) * step / period) * length
+    count = count_steps((len(pair) + _SHORT) * step / period) * length
     t = pair.t[-1] + step - period / length * np.arange(count, 0, -1)
     return replace(pair, t=t, values=CubicSpline(pair.t, pair.values)(t))
 

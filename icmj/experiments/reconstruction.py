@@ -20,13 +20,13 @@ from typing import Protocol
 
 import numpy as np
 
-from icmj.base.array import Array, between, steps_in
+from icmj.base.array import Array, count_steps, is_between
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import amount
 from icmj.controller.controller import Controller
 from icmj.controller.step_pairs import StepPairs
 from icmj.errors import AnalysisError, DataError, expect
-from icmj.series.even_rows import even_series
+from icmj.series.even_rows import resample_series
 from icmj.series.series import Series
 
 MOST_POLES, MOST_ZEROS = 3, 3  # of a fitted model
@@ -213,10 +213,10 @@ class Windows:
         """Windows for N rows from ``start`` on."""
         self.at = at = (pairs.t - start) / step
         self.soonest = round(earliest / step)
-        self.first = steps_in(at + earliest / step)  # where the search begins
-        self.many = 1 - steps_in((earliest - latest) / step)
+        self.first = count_steps(at + earliest / step)  # where the search begins
+        self.many = 1 - count_steps((earliest - latest) / step)
         self.begin = np.maximum(self.first[:, 0] - round(BEFORE / step), 0)
-        after = np.append(steps_in(at[1:, 0]), N)
+        after = np.append(count_steps(at[1:, 0]), N)
         self.end = np.minimum(self.first[:, 1] + self.many + round(TAIL / step), after)
         self.memory = min(round(_MEMORY / step), N) + 1
         self.step = step
@@ -427,7 +427,7 @@ def reconstruct_steps(
         DataError: if there are too few pairs, there is no such signal, it does not cover the pairs or is constant,
             rows are too far apart, pairs follow each other too quickly, or no model can be fitted.
     """
-    even = even_series(series.chosen([control]), rate)
+    even = resample_series(series.chosen([control]), rate)
     t, u, step = even.t, even.values[:, 0], float(even.t[-1] - even.t[0]) / (len(even) - 1)
     _check(pairs, t, u, step, earliest, latest, control, fitted=response is None)
     window = Windows(t[0], step, len(t), pairs, earliest, latest)
@@ -463,16 +463,16 @@ def _check(
         raise DataError(f"reaction times from {earliest:g} to {latest:g} s; expected the earliest before the latest")
     ends = np.array([pairs.t[0, 0] + min(earliest, 0.0) - BEFORE, pairs.t[-1, 1] + latest]) - t[0]
     # counted from a row before the first, as no rounding is small relative to zero
-    if not between(ends + step, step, t[-1] - t[0] + step).all():
+    if not is_between(ends + step, step, t[-1] - t[0] + step).all():
         raise DataError(
             f"the record is from {t[0]:g} to {t[-1]:g} s; expected {BEFORE - min(earliest, 0.0):g} s before the first "
             f"step ({pairs.t[0, 0]:g} s) and {latest:g} s after the last ({pairs.t[-1, 1]:g} s)"
         )
-    if not between(pairs.isi, 2 * step).all():
+    if not is_between(pairs.isi, 2 * step).all():
         raise DataError(
             f"steps {pairs.isi.min():g} s apart in rows {step:g} s apart; expected rows twice as close, or closer"
         )
-    if not between(pairs.t[1:, 0] - pairs.t[:-1, 1], latest).all():
+    if not is_between(pairs.t[1:, 0] - pairs.t[:-1, 1], latest).all():
         at = int(np.argmin(pairs.t[1:, 0] - pairs.t[:-1, 1]))
         raise DataError(
             f"a pair at {pairs.t[at + 1, 0]:g} s begins before the response to the one before it may be over, "

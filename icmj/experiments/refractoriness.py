@@ -19,7 +19,7 @@ from math import lgamma
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, between
+from icmj.base.array import Array, is_between
 from icmj.base.blas_threads import ignore_warnings
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import amount
@@ -133,7 +133,7 @@ def refractoriness(
         raise DataError(f"{resamples} resamples; expected at least {FEWEST_RESAMPLES} for a confidence interval")
     each, times = usual(*reactions(isi, rt), outlying, alike)
     values, which = group_intervals(each, alike)
-    if (left := int(between(values, shortest).sum())) < FEWEST_INTERVALS:
+    if (left := int(is_between(values, shortest).sum())) < FEWEST_INTERVALS:
         raise DataError(
             f"{left} inter-step intervals of {shortest:g} s or more; expected at least "
             f"{FEWEST_INTERVALS} to estimate a trend"
@@ -187,14 +187,14 @@ def reactions(isi: ArrayLike, rt: ArrayLike) -> tuple[Array, Array]:
 def usual(isi: Array, rt: Array, outlying: float, least: float) -> tuple[Array, Array]:
     """The pairs whose first reaction time is not far from the others'."""
     away = np.abs(rt[:, 0] - np.median(rt[:, 0])) if len(rt) else np.zeros(0)
-    kept = between(away, 0.0, max(outlying * _NORMAL * float(np.median(away)) if len(rt) else 0.0, least))
+    kept = is_between(away, 0.0, max(outlying * _NORMAL * float(np.median(away)) if len(rt) else 0.0, least))
     return isi[kept], rt[kept]
 
 
 def group_intervals(isi: Array, alike: float) -> tuple[Array, np.ndarray]:
     """Intervals that are the same but for how exactly times are known, as one: (K,) [s], and which each is (P,)."""
     order = np.argsort(isi, kind="stable")
-    new = ~between(np.diff(isi[order], prepend=-np.inf), 0.0, alike)
+    new = ~is_between(np.diff(isi[order], prepend=-np.inf), 0.0, alike)
     which = np.empty(len(isi), dtype=int)
     which[order] = np.cumsum(new) - 1
     return np.array([isi[which == k].mean() for k in range(int(new.sum()))]), which
@@ -221,7 +221,7 @@ def _resample(values: Array, shortest: float, of: list[Array], random: np.random
 
 def _estimates(isi: Array, shortest: float, count: np.ndarray, mean: Array, variance: Array) -> Array:
     """Free intercept, its slope, that of slope −1, largest interval, and range; shape (D, 5)."""
-    span, seen = np.ptp(mean[:, :, 1], axis=1), between(isi, shortest)
+    span, seen = np.ptp(mean[:, :, 1], axis=1), is_between(isi, shortest)
     isi, count, mean, variance = isi[seen], count[seen], mean[:, seen], variance[:, seen]
     later = mean[:, :, 1] - (mean[:, :, 0] @ (count / count.sum()))[:, None]
     free, slope = _broken_line(isi, later)

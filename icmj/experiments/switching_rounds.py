@@ -15,7 +15,7 @@ from functools import singledispatch
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, between
+from icmj.base.array import Array, is_between
 from icmj.controller.law import Law
 from icmj.controller.switching import SwitchingPD
 from icmj.errors import AnalysisError, expect
@@ -102,7 +102,7 @@ def rounds_of(run: Simulation) -> Rounds:
             growth = float(np.log(abs(factor)) / period)
             left = _deviation_factor(x[(len(x) - 1) % q :: q], factor)
             return Rounds(abs(factor), period, q, factor < 0, growth, float(max(apart, late)), left)
-    later = between(run.events.t, run.events.t[-1] / 2) & (size > 0)
+    later = is_between(run.events.t, run.events.t[-1] / 2) & (size > 0)
     growth = np.polyfit(run.events.t[later], np.log(size[later]), 1)[0] if later.sum() > 1 else np.nan
     return Rounds(np.nan, np.nan, 0, False, float(growth), closure)
 

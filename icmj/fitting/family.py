@@ -34,7 +34,7 @@ from icmj.runfile.sweep_tables import PRESSURE
 from icmj.simulation.settings import Settings, reseed
 from icmj.simulation.start import start_states
 from icmj.theory.delay_roots import count_unstable
-from icmj.theory.mode_loops import loops_of
+from icmj.theory.mode_loops import list_loops
 from icmj.work.folder import fingerprint_of
 
 
@@ -140,7 +140,7 @@ class Member:
         if not self.has_one_loop:
             return False
         try:
-            loops = loops_of(self.law, self.plant)
+            loops = list_loops(self.law, self.plant)
         except AnalysisError:
             return False
         return any(map(count_unstable, loops.values()))

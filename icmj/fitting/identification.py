@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2
 from scipy.stats import t as student
 
-from icmj.base.array import Array, between
+from icmj.base.array import Array, is_between
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.case.case import Case, PlantKind, Theory, expect_rule, simulate
 from icmj.cycle.cycle import find_cycle
@@ -225,7 +225,7 @@ class Course:
             first = 0 if found is None else -(found.count + 1)
             self._t, self._y = observed.times[first:], observed.outputs[first:]
         else:
-            kept = between(observed.t, observed.t[-1] - SPAN * (observed.t[-1] - observed.t[0]))
+            kept = is_between(observed.t, observed.t[-1] - SPAN * (observed.t[-1] - observed.t[0]))
             self._t, self._y = observed.t[kept], observed.y[kept]
         self._interval = found.interval if found else float(np.mean(observed.intervals))
         self._exact = max(observed.jitter, EXACT * self._interval)

@@ -24,17 +24,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, between, steps_in
+from icmj.base.array import Array, count_steps, is_between
 from icmj.base.files import read_bytes
 from icmj.base.text import one_line
 from icmj.errors import DataError, FitError
 from icmj.fitting.family import DURATION, RATE
 from icmj.measurement import sway
-from icmj.series.even_rows import even_series, expect_rate
-from icmj.series.plausibility import STUCK, doubt, longest_still
+from icmj.series.even_rows import expect_rate, resample_series
+from icmj.series.plausibility import STUCK, measure_longest_still, note_oddities
 from icmj.series.reading import read_series
 from icmj.series.series import EVEN, Series
-from icmj.series.units import factor_of
+from icmj.series.units import find_factor
 
 _SIX = {
     "rms": "rms", "speed": "speed", "slope": "frequency.slope", "H short": "short.H", "H long": "long.H",
@@ -75,7 +75,7 @@ def summarise(cop: ArrayLike, rate: float = 100.0) -> Array:
         FitError: if it is too short, has values that are not finite, or does not move.
     """
     x = np.asarray(cop, dtype=float)
-    if x.ndim != 1 or len(x) < steps_in(LEAST * rate):
+    if x.ndim != 1 or len(x) < count_steps(LEAST * rate):
         raise FitError(f"a trial of shape {x.shape} at {rate:g} Hz; expected at least {LEAST:g} s of one coordinate")
     if not np.isfinite(x).all():
         raise FitError("a trial contains values that are not finite")
@@ -110,7 +110,7 @@ def _field(x: Array, rate: float) -> Array:
     from scipy.signal import detrend
 
     N = len(x)
-    edge = steps_in(rate)  # mirrored at both ends, where a jump would ring through velocity and acceleration
+    edge = count_steps(rate)  # mirrored at both ends, where a jump would ring through velocity and acceleration
     straight = detrend(x)
     longer = np.concatenate(
         [2 * straight[0] - straight[edge:0:-1], straight, 2 * straight[-1] - straight[-2 : -edge - 2 : -1]]
@@ -128,7 +128,7 @@ def _field(x: Array, rate: float) -> Array:
     power = np.abs(rfft(motions[0] * window)) ** 2 / (rate * (window @ window))
     f = rfftfreq(N, 1 / rate)
     ratio = np.sqrt(_LINES[1] / _LINES[0])
-    lines = [power[between(f, line / ratio, line * ratio)].mean() for line in _LINES]
+    lines = [power[is_between(f, line / ratio, line * ratio)].mean() for line in _LINES]
     return np.concatenate([np.log(np.maximum(sizes, _FLOOR)), *shares, np.log(np.maximum(lines, _FLOOR**2))])
 
 
@@ -205,22 +205,22 @@ def trials_of(series: Series, column: str, *, unit: str | None = None) -> tuple[
     if not known:
         raise FitError(_no_unit(name))
     with _of(name):
-        metre = factor_of(known, "length", name)
-        even = even_series(series.chosen([name]))
+        metre = find_factor(known, "length", name)
+        even = resample_series(series.chosen([name]))
     t, x = even.t, even.values[:, 0] * metre
     own = (len(t) - 1) / float(t[-1] - t[0])
     _refuse_short(name, len(t) / own, LEAST * (1 - EVEN))  # a rate is known as well as its times are
     if own < _SLOWEST * (1 - EVEN):
         raise FitError(f"{name}: {own:.3g} rows a second; expected at least {_SLOWEST:g}, better {RATE:g}")
     _see_it_stands(name, known, t, x, 1 / own)
-    facts = doubt(even).facts
+    facts = note_oddities(even).facts
     notes = [facts[key] for key in ("load", "cut", "ends", "odd") if key in facts]
     if abs(own - RATE) > EVEN * RATE:
         notes.append(f"resampled from {own:.4g} to {RATE:g} Hz")
-        x = even_series(even, RATE).values[:, 0] * metre
+        x = resample_series(even, RATE).values[:, 0] * metre
     _refuse_short(name, len(x) / RATE)
     if len(x) > 1.5 * DURATION * RATE:
-        size, pieces = round(DURATION * RATE), steps_in(len(x) / (DURATION * RATE))
+        size, pieces = round(DURATION * RATE), count_steps(len(x) / (DURATION * RATE))
         left = (len(x) - pieces * size) / RATE
         said = f"cut into {pieces} trials of {DURATION:g} s" if pieces > 1 else f"cut to its first {DURATION:g} s"
         notes.append(said + (f", without the last {left:.4g} s" if left > 0 else ""))
@@ -346,7 +346,7 @@ def _refuse_short(name: str, duration: float, least: float = LEAST) -> None:
 
 def _see_it_stands(name: str, unit: str, t: Array, x: Array, step: float) -> None:
     """See that this is the sway of a person who stands, in its unit."""
-    longest, since = longest_still(t, x)
+    longest, since = measure_longest_still(t, x)
     rms = float(x.std())
     if rms < 1e-9:
         raise FitError(f"{name}: no sway at all; is it the right column?")

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, make_splrep
 from scipy.optimize import minimize_scalar
 
-from icmj.base.array import Array, leading
+from icmj.base.array import Array, argmax_abs
 from icmj.fitting.observed import Observed
 
 NEAR = 0.1  # relative: intervals that agree so well may be on their way to a cycle
@@ -73,7 +73,7 @@ def _sign(outputs: Array) -> int:
         return 0
     last = outputs[-min(len(outputs), 6) :]
     same = np.sum(last[1:] * last[:-1], axis=0) / np.maximum(np.sum(last[1:] ** 2, axis=0), 1e-300)
-    clearest = float(same[leading(same)])
+    clearest = float(same[argmax_abs(same)])
     return 0 if abs(clearest) < 0.5 else int(np.sign(clearest))
 
 

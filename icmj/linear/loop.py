@@ -62,7 +62,7 @@ class LinearLoop:
     @property
     def positions(self) -> np.ndarray:
         """Indices of the states that the limit guards."""
-        return positions_of(self.plant)
+        return find_positions(self.plant)
 
     def state(self, x: Array, a: Array) -> Array:
         """w from the states of plant and controller."""
@@ -96,14 +96,14 @@ class LinearLoop:
         return self.x_o(Z) + self.e(Z)
 
 
-def positions_of(plant: LinearPlant) -> np.ndarray:
+def find_positions(plant: LinearPlant) -> np.ndarray:
     """Indices of the states that a limit guards: those with a ``<name>_rate`` beside them, else all but activations."""
     states = plant.states
     moving = [i for i, name in enumerate(states) if not is_activation(name, plant.inputs)]
     return np.array([i for i in moving if f"{states[i]}_rate" in states] or moving, dtype=int)
 
 
-def linear_loop(plant: LinearPlant, controller: Controller, shares: Sequence[int] = ()) -> LinearLoop:
+def make_linear_loop(plant: LinearPlant, controller: Controller, shares: Sequence[int] = ()) -> LinearLoop:
     """The closed loop of ``plant`` under ``controller``; their orders may differ.
 
     ``shares`` are the inputs of noises whose size is a share of the command.
@@ -157,7 +157,7 @@ class Forcing(Disturbance):
     D: Array
 
 
-def forcing(loop: LinearLoop, disturbance: Disturbance, errors: Disturbance, pushes: Pushes) -> Forcing:
+def make_forcing(loop: LinearLoop, disturbance: Disturbance, errors: Disturbance, pushes: Pushes) -> Forcing:
     """All exogenous inputs as one: added to the commands, on the plant itself, and on the outputs as read.
 
     Raises:

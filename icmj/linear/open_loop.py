@@ -10,7 +10,7 @@ from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending
 from icmj.simulation.native.loop import Status
-from icmj.simulation.open_loop import OpenLoopInterval, one_in_flight
+from icmj.simulation.open_loop import OpenLoopInterval, expect_one_in_flight
 from icmj.simulation.settings import Settings
 
 
@@ -18,7 +18,7 @@ class LinearOpenLoop:
     """Simulates from event to event; see :class:`icmj.simulation.open_loop.OpenLoop`. Not for two threads at once."""
 
     def __init__(self, simulator: Simulator) -> None:
-        one_in_flight(simulator.loop.controller)
+        expect_one_in_flight(simulator.loop.controller)
         self._simulator = simulator
 
     def __call__(self, x: Array, x_o: Array, x_h: Array | None = None, t: float = 0.0) -> OpenLoopInterval:
@@ -35,7 +35,9 @@ class LinearOpenLoop:
         else:
             end, z = simulator.t, simulator.z.copy()
             y_max, y_min = np.full(loop.plant.n_y, np.nan), np.full(loop.plant.n_y, np.nan)
-            outcome = ending.ran(end, np.zeros(0), 0.0) if status is Status.COMPLETED else simulator.outcome(status)
+            outcome = (
+                ending.end_complete(end, np.zeros(0), 0.0) if status is Status.COMPLETED else simulator.outcome(status)
+            )
         x = loop.x(z)
         return OpenLoopInterval(end - t, x, loop.x_o(z), loop.x_h(z), loop.plant.C @ x, y_max, y_min, outcome)
 

@@ -17,8 +17,8 @@ from numpy.polynomial.chebyshev import cheb2poly, chebvander
 from icmj.base.array import Array
 from icmj.linear.loop import Forcing
 from icmj.linear.native.motion import Acting, Tables
-from icmj.simulation.grid import at_points
-from icmj.simulation.sinusoids import Waves, coefficients, nodes, on_parts
+from icmj.simulation.grid import draw_at_points
+from icmj.simulation.sinusoids import Waves, make_coefficient_matrix, make_nodes, split_matrix
 
 _STRIDE = 16  # steps
 _AHEAD = 32  # strides that are worked out at once
@@ -71,7 +71,7 @@ class Response:
             first, last = cell // steps, (cell + count * _STRIDE) // steps + 2
             if last > len(self._points[number]):
                 longest = int(min(self._tables.end / noise.interval, 1e15)) + 2
-                points = at_points(noise, 0, max(last, min(longest, max(_POINTS, 2 * last))))
+                points = draw_at_points(noise, 0, max(last, min(longest, max(_POINTS, 2 * last))))
                 self._points[number], steepest = points, np.abs(np.diff(points)).max() / steps
                 self._largest[number] = np.abs(points).max() + steepest, steepest
             edges = self._points[number][first:last]
@@ -144,7 +144,7 @@ def _interpolation(count: int, powers: int) -> Array:
     for k in range(powers):
         to_powers[: k + 1, k] = cheb2poly(np.eye(powers)[k])[: k + 1]
     scale = np.array([2.0**j * factorial(j) for j in range(powers)])
-    to_derivatives = scale[:, None] * to_powers @ coefficients(powers)
-    places = (np.arange(_STRIDE)[:, None] + (nodes(powers) + 1) / 2) / _STRIDE * 2 - 1
-    values = chebvander(places, count - 1) @ coefficients(count)
-    return on_parts((to_derivatives @ values).reshape(_STRIDE * powers, count))
+    to_derivatives = scale[:, None] * to_powers @ make_coefficient_matrix(powers)
+    places = (np.arange(_STRIDE)[:, None] + (make_nodes(powers) + 1) / 2) / _STRIDE * 2 - 1
+    values = chebvander(places, count - 1) @ make_coefficient_matrix(count)
+    return split_matrix((to_derivatives @ values).reshape(_STRIDE * powers, count))

@@ -17,38 +17,38 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, balance
-from icmj.base.bernstein import from_powers
+from icmj.base.bernstein import make_bernstein_matrix
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.interruption import defer_interrupt
 from icmj.controller.controller import has_trigger
 from icmj.controller.law import Law
 from icmj.controller.realisation import Realisation
-from icmj.linear.loop import positions_of
+from icmj.linear.loop import find_positions
 from icmj.linear.native.stretches import Body, Grid, Track, compile_stretches
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending, position_limit
-from icmj.simulation.disturbance import acting_on
+from icmj.simulation.disturbance import make_acting
 from icmj.simulation.ending import EventPace
-from icmj.simulation.grid import points_between
-from icmj.simulation.labels import labels_of
+from icmj.simulation.grid import list_points
+from icmj.simulation.labels import make_labels
 from icmj.simulation.native.loop import Status
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.readings import expect_no_observer, expect_readings
-from icmj.simulation.rows import collect_drives, edges_of, keep_rows, part_rows
+from icmj.simulation.rows import collect_drives, keep_rows, list_edges, part_rows
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
-from icmj.simulation.start import plant_start, start_states
+from icmj.simulation.start import make_plant_start, start_states
 from icmj.simulation.taps import (
     POWERS,
     begin,
-    first_command,
-    least_of,
+    compute_first_command,
+    get_least_interval,
+    get_modes,
     lengthen,
-    levels_of,
-    modes_of,
-    taps_of,
-    waves_of,
+    list_levels,
+    make_taps,
+    make_waves,
     widen,
 )
 
@@ -90,31 +90,31 @@ def simulate_tapped(
     from icmj.base.compilation import call
 
     realisation = expect_readings(law, plant)
-    x = plant_start(plant, settings, x0)
-    acting, errors, pushes = everything = acting_on(plant, settings)
+    x = make_plant_start(plant, settings, x0)
+    acting, errors, pushes = everything = make_acting(plant, settings)
     n, n_u, n_y = plant.n, plant.n_u, plant.n_y
-    names, units = (tuple(of[i] for i in positions_of(plant)) for of in (plant.states, plant.state_units))
-    limits = position_limit.limits_of(settings.limit, names, units)
+    names, units = (tuple(of[i] for i in find_positions(plant)) for of in (plant.states, plant.state_units))
+    limits = position_limit.get_limits(settings.limit, names, units)
     fastest = float(max(everything.omega.max(initial=0.0), realisation.signals[:, 2].max(initial=0.0)))
-    taps = taps_of(realisation, n_y, max(_rate(plant, realisation) / _TURN, fastest / _SWING), exact=True)
+    taps = make_taps(realisation, n_y, max(_rate(plant, realisation) / _TURN, fastest / _SWING), exact=True)
     history, now = begin(
         taps, realisation, plant.C @ x + errors(0.0), None if a0 is None else np.asarray(a0, dtype=float)
     )
     E = np.column_stack([np.zeros((n, 0)), *(plant.effect(push) for push in pushes.places)])
-    edges = points_between(everything.edges, everything.gaussian, settings.duration)
-    breaks = np.append(edges_of(everything, law), np.inf)
+    edges = list_points(everything.edges, everything.gaussian, settings.duration)
+    breaks = np.append(list_edges(everything, law), np.inf)
     limited = np.flatnonzero(np.isfinite(limits))
     positions = np.zeros((len(limited), n))
-    positions[np.arange(len(limited)), positions_of(plant)[limited]] = 1 / limits[limited]
+    positions[np.arange(len(limited)), find_positions(plant)[limited]] = 1 / limits[limited]
     H, duration = taps.unit, float(settings.duration)
-    forced, lasting = _split(waves_of(duration, (acting, plant.B * H), (pushes.size, E * H)), duration, H)
-    shown, wrong = _split(waves_of(duration, (errors, np.eye(n_y))), duration, H)
+    forced, lasting = _split(make_waves(duration, (acting, plant.B * H), (pushes.size, E * H)), duration, H)
+    shown, wrong = _split(make_waves(duration, (errors, np.eye(n_y))), duration, H)
     body = Body(
         A=plant.A * H, B=plant.B * H, C=np.ascontiguousarray(plant.C),
         acting=forced,
         errors=shown, lasting=lasting.reach(0.0), wrong=wrong.reach(0.0),
-        edges=np.append(edges, np.inf), levels=levels_of(edges, everything), positions=positions,
-        interval=float(settings.record_interval), end=float(settings.duration), F=from_powers(POWERS - 1),
+        edges=np.append(edges, np.inf), levels=list_levels(edges, everything), positions=positions,
+        interval=float(settings.record_interval), end=float(settings.duration), F=make_bernstein_matrix(POWERS - 1),
         breaks=breaks,
     )  # fmt: skip
     track = Track(
@@ -125,7 +125,7 @@ def simulate_tapped(
         events=np.zeros((_TAPPED_EVENTS, 1 + n + 2 * n_y)),
     )  # fmt: skip
     track.X[:, 0] = x
-    rows = [np.concatenate([[0.0], x, first_command(taps, history, now), now.mode[:1]])[None, :]]
+    rows = [np.concatenate([[0.0], x, compute_first_command(taps, history, now), now.mode[:1]])[None, :]]
     events, pace, outcome, march = [track.events[:0].copy()], EventPace(settings.duration), None, compile_stretches()
 
     def keep() -> Array:
@@ -146,21 +146,23 @@ def simulate_tapped(
                 history, now = widen(history), lengthen(now)
             elif status == Status.COMPLETED:
                 happened = np.concatenate(events)[:, 0] if realisation.eventful else np.zeros(0)
-                outcome = ending.ran(settings.duration, np.diff(happened, prepend=0.0), least_of(realisation))
+                outcome = ending.end_complete(
+                    settings.duration, np.diff(happened, prepend=0.0), get_least_interval(realisation)
+                )
             elif status == Status.FELL:
-                at = int(np.argmax(np.abs(track.X[positions_of(plant), 0]) / limits))
-                outcome = ending.fell(t, names[at], limits[at], units[at])
+                at = int(np.argmax(np.abs(track.X[find_positions(plant), 0]) / limits))
+                outcome = ending.end_fallen(t, names[at], limits[at], units[at])
             elif status == Status.STALLED:
-                outcome = ending.stalled(t)
+                outcome = ending.end_stalled(t)
             elif status == Status.DIVERGED:
-                outcome = ending.diverged(t, "a state exceeded 1e+12")
+                outcome = ending.end_diverged(t, "a state exceeded 1e+12")
             elif (took := pace.stalled(*times)) is not None:
-                outcome = ending.stalled(t, took)
+                outcome = ending.end_stalled(t, took)
     except KeyboardInterrupt:
         keep()
         if track.t[0] == 0:  # there is nothing to keep; it may have been compiling
             raise
-        outcome = ending.interrupted(float(track.t[0]), settings.duration)
+        outcome = ending.end_interrupted(float(track.t[0]), settings.duration)
     R, K = np.concatenate(rows), np.concatenate(events)
     kept, jumps = part_rows(R[:, 0], R[:, 1 + n : -1])
     R = R[kept]
@@ -188,11 +190,11 @@ def simulate_tapped(
             "series_terms": POWERS,
         },
         noisy=settings.noisy,
-        labels=labels_of(plant),
+        labels=make_labels(plant),
         delay=realisation.delay if realisation.eventful else 0.0,
-        least=least_of(realisation),
+        least=get_least_interval(realisation),
         jumps=jumps,
-        **modes_of(realisation, R[:, -1]),
+        **get_modes(realisation, R[:, -1]),
         **collect_drives(law, everything, when),
     )
 
@@ -324,6 +326,6 @@ def simulate(
         delay=controller.delay.t_d,
         least=controller.least,
         noisy=settings.noisy,
-        labels=labels_of(plant, controller.design.plant),
-        **collect_drives(controller, acting_on(plant, settings, controller), found.t),
+        labels=make_labels(plant, controller.design.plant),
+        **collect_drives(controller, make_acting(plant, settings, controller), found.t),
     )

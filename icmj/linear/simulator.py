@@ -10,13 +10,13 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.base.interruption import defer_interrupt
 from icmj.controller.controller import Controller
-from icmj.linear.loop import LinearLoop, forcing, linear_loop
+from icmj.linear.loop import LinearLoop, make_forcing, make_linear_loop
 from icmj.linear.native.motion import FRESH, Acting, Count, Now, Run, Tables
 from icmj.linear.response import Response
-from icmj.linear.tables import tables
+from icmj.linear.tables import make_tables
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending, position_limit
-from icmj.simulation.disturbance import Disturbance, Pushes, acting_on
+from icmj.simulation.disturbance import Disturbance, Pushes, make_acting
 from icmj.simulation.ending import EventPace, Outcome
 from icmj.simulation.native.loop import ACTED, EDGE, PLANNED, TICK, Status
 from icmj.simulation.settings import Settings
@@ -70,13 +70,13 @@ class Simulator:
         from icmj.linear.native.pieces import compile_pieces
 
         self._simulate, self._call = compile_pieces(), call
-        self.disturbance, _, self.pushes = parts = acting_on(plant, settings, controller)
+        self.disturbance, _, self.pushes = parts = make_acting(plant, settings, controller)
         shares = self.disturbance.shares
-        self.loop = loop = linear_loop(plant, controller, [index for index, _ in shares])
-        acting = forcing(loop, *parts)
+        self.loop = loop = make_linear_loop(plant, controller, [index for index, _ in shares])
+        acting = make_forcing(loop, *parts)
         names, units = (tuple(of[i] for i in loop.positions) for of in (plant.states, plant.state_units))
-        self.duration, self.limits = float(settings.duration), position_limit.limits_of(settings.limit, names, units)
-        self.tables = T = tables(loop, acting, self.duration, self.limits, interval, [of for _, of in shares])
+        self.duration, self.limits = float(settings.duration), position_limit.get_limits(settings.limit, names, units)
+        self.tables = T = make_tables(loop, acting, self.duration, self.limits, interval, [of for _, of in shares])
         self._response = Response(T, acting)
         m, n_y, rows = loop.moving, plant.n_y, int(min(T.step / interval, 1e9)) + 8
         self._m, self._n_y, several = m, n_y, np.isfinite(interval)
@@ -149,16 +149,16 @@ class Simulator:
                     progress(self.t / duration)
                 if status is Status.COMPLETED:
                     least = self.loop.controller.least
-                    outcome = ending.ran(duration, np.diff(np.concatenate(events)[:, 0], prepend=0.0), least)
+                    outcome = ending.end_complete(duration, np.diff(np.concatenate(events)[:, 0], prepend=0.0), least)
                 elif status in (Status.FELL, Status.DIVERGED):
                     outcome = self.outcome(status)
                 elif (took := pace.stalled(*times)) is not None:
-                    outcome = ending.stalled(self.t, took)
+                    outcome = ending.end_stalled(self.t, took)
         except KeyboardInterrupt:
             keep()
             if self.t == 0:  # there is nothing to keep; it may have been compiling
                 raise
-            outcome = ending.interrupted(self.t, duration)
+            outcome = ending.end_interrupted(self.t, duration)
         if len(rows) == 2 and rows[1][0].base is t:
             until = 1 + len(rows[1][0])
             t[[0, until]], Z[0], Z[until] = (0.0, self.t), w[: self._m], self.z
@@ -176,8 +176,8 @@ class Simulator:
             plant, positions = self.loop.plant, self.loop.positions
             at = int(np.argmax(np.abs(self.z[positions]) / self.limits))
             state = positions[at]
-            return ending.fell(self.t, plant.states[state], self.limits[at], plant.state_units[state])
-        return ending.diverged(self.t, "a state exceeded 1e+12")
+            return ending.end_fallen(self.t, plant.states[state], self.limits[at], plant.state_units[state])
+        return ending.end_diverged(self.t, "a state exceeded 1e+12")
 
     def advance(self, events: int = 1 << 40) -> tuple[Status, int, int]:
         """Continue for at most this number of events; returns why it stopped, and how many rows and events it has."""

@@ -22,7 +22,7 @@ from icmj.controller.delay import NO_DELAY
 from icmj.controller.trigger import Continuous
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.labels import loop_signals
+from icmj.simulation.labels import name_loop_signals
 
 if TYPE_CHECKING:
     from control import NonlinearIOSystem, StateSpace
@@ -36,7 +36,7 @@ def continuous_loop(plant: LinearPlant, controller: Controller) -> StateSpace:
     kept = slice(0, plant.n + controller.design.plant.n)
     C = np.vstack([np.hstack([plant.C, np.zeros((plant.n_y, controller.design.plant.n))]), -loop.K[:, kept]])
     B = np.hstack([loop.D, loop.E])
-    return control.ss(loop.F[kept, kept], B[kept], C, 0, **loop_signals(plant, controller.design.plant, "x_o"))
+    return control.ss(loop.F[kept, kept], B[kept], C, 0, **name_loop_signals(plant, controller.design.plant, "x_o"))
 
 
 def clocked_loop(plant: LinearPlant, controller: Controller) -> StateSpace:
@@ -58,7 +58,7 @@ def clocked_loop(plant: LinearPlant, controller: Controller) -> StateSpace:
     C = np.zeros((plant.n_y + plant.n_u, n + m))
     C[: plant.n_y, :n], C[plant.n_y :, n:] = plant.C, -controller.design.k
     return control.ss(
-        keep @ Phi @ taken, keep @ Gamma, C, 0, step, **loop_signals(plant, controller.design.plant, "x_o")
+        keep @ Phi @ taken, keep @ Gamma, C, 0, step, **name_loop_signals(plant, controller.design.plant, "x_o")
     )
 
 
@@ -95,7 +95,7 @@ def event_loop(plant: LinearPlant, controller: Controller, dt: float) -> Nonline
         state = taken(np.asarray(state, float))
         return np.concatenate([plant.C @ state[:n], -k @ state[n + m : n + 2 * m]])
 
-    named = loop_signals(plant, controller.design.plant, "x_o", "x_h")
+    named = name_loop_signals(plant, controller.design.plant, "x_o", "x_h")
     named["states"] = [*named["states"], "since"]
     return control.NonlinearIOSystem(update, output, dt=dt, name="event_loop", **named)
 

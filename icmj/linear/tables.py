@@ -17,13 +17,13 @@ from math import comb, factorial
 
 import numpy as np
 
-from icmj.base.array import Array, balance, exponential
-from icmj.base.bernstein import from_powers
+from icmj.base.array import Array, balance, compute_exponential
+from icmj.base.bernstein import make_bernstein_matrix
 from icmj.base.economisation import economise
 from icmj.linear.loop import Forcing, LinearLoop
 from icmj.linear.native.motion import Tables
-from icmj.simulation.grid import lines
-from icmj.simulation.sinusoids import enough
+from icmj.simulation.grid import list_lines
+from icmj.simulation.sinusoids import count_nodes
 from icmj.simulation.sources import Gaussian
 
 _LONGEST_STEP = 1e3  # s
@@ -40,7 +40,7 @@ _EIGHTHS = 8
 _HARDLY = 1.25
 
 
-def tables(
+def make_tables(
     loop: LinearLoop,
     acting: Forcing,
     duration: float,
@@ -75,7 +75,7 @@ def tables(
     positions[np.arange(len(limited)), loop.positions[limited]] = 1 / limits[limited]
     outputs[:, loop.composed.layout["x"]] = loop.plant.C
 
-    size = sizes(fastest * h) if signals else np.zeros(0)
+    size = bound_sizes(fastest * h) if signals else np.zeros(0)
     if np.isfinite(grid):
         size = np.maximum(np.pad(size, (0, max(2 - len(size), 0))), [1.0, 2 * h / grid] + [0.0] * (len(size) - 2))
     factorials = np.array([float(factorial(j)) for j in range(len(size))])
@@ -85,13 +85,13 @@ def tables(
     motion = _series(np.eye(m), G, D, size, 2)
     for series in (step, motion):
         series[:, :, m:] = series[:, :, m:] @ middle
-    P = np.hstack([exponential(G), motion[:, :, m:].sum(axis=0)])
+    P = np.hstack([compute_exponential(G), motion[:, :, m:].sum(axis=0)])
     W, V = _bounds(step, P, len(faces), len(positions), m + signals * (_COARSE + 1))
     places, stride = _places(h / interval) if signals else (1, 1)
     Q = np.zeros((places, m, m))
     if np.isfinite(interval):
         for place in range(places):
-            Q[place] = exponential(M * (h * place / places if signals else interval))
+            Q[place] = compute_exponential(M * (h * place / places if signals else interval))
     part = (np.arange(places) / max(places, 1))[:, None] ** np.arange(len(motion))
     weights = size * factorials
     curves = _economise(step, m, weights, signals)
@@ -119,8 +119,8 @@ def tables(
         W_z=W[:, :m].T.copy(),
         V=V,
         A=np.ascontiguousarray(np.moveaxis(curves, 0, 1)),
-        F=from_powers(degree),
-        F2=from_powers(2 * degree),
+        F=make_bernstein_matrix(degree),
+        F2=make_bernstein_matrix(2 * degree),
         terms=np.array([0, *terms]),
         ahead=ahead,
         back=back,
@@ -138,7 +138,7 @@ def _products(loop: LinearLoop, shares: Sequence[Gaussian], duration: float) -> 
     """The parts of the tables that set products; no lines without any."""
     if not shares:
         return {"H": np.zeros((0, 0)), "points": np.zeros(0), "begins": np.zeros(0), "lines": np.zeros((0, 0, 2))}
-    points, found = lines(shares, duration)
+    points, found = list_lines(shares, duration)
     return {"H": loop.held, "points": points, "begins": np.append(0.0, points[:-1]), "lines": found}
 
 
@@ -153,12 +153,12 @@ def _jumps(acting: Forcing) -> Array:
     return jumps
 
 
-def sizes(turn: float) -> Array:
+def bound_sizes(turn: float) -> Array:
     """How large Taylor coefficients of a sinusoid of one can be, of one that turns by so much in a step [rad].
 
     There are as many as polynomials must have that agree with it on a step, to rounding.
     """
-    return np.array([turn**j / factorial(j) for j in range(enough(turn / 2))])
+    return np.array([turn**j / factorial(j) for j in range(count_nodes(turn / 2))])
 
 
 def _step(M: Array, fastest: float) -> float:
@@ -205,7 +205,7 @@ def _eighths(G: Array, forced: Array) -> tuple[Array, Array]:
     places = np.arange(_EIGHTHS + 1) / _EIGHTHS
     added = np.tensordot(places[:, None] ** np.arange(len(forced)), forced, 1)
     there, again = (
-        np.array([np.eye(len(G)), *accumulate([exponential(of)] * _EIGHTHS, np.matmul)])
+        np.array([np.eye(len(G)), *accumulate([compute_exponential(of)] * _EIGHTHS, np.matmul)])
         for of in (G / _EIGHTHS, -G / _EIGHTHS)
     )
     return np.concatenate([there, added], axis=2), np.concatenate([again, -again @ added], axis=2)
@@ -279,7 +279,9 @@ def _bounds(step: Array, P: Array, r: int, limited: int, until: int) -> tuple[Ar
     """
     faces, positions, outputs = np.split(step, [r, r + limited], axis=1)
     curves, n_y = np.concatenate([outputs, faces], axis=1), outputs.shape[1]
-    controls = np.einsum("ij,jrm->rim", from_powers(_COARSE), curves[: _COARSE + 1]).reshape(-1, step.shape[2])
+    controls = np.einsum("ij,jrm->rim", make_bernstein_matrix(_COARSE), curves[: _COARSE + 1]).reshape(
+        -1, step.shape[2]
+    )
     left, order = np.abs(curves), np.arange(len(step), dtype=float)
     left[: _COARSE + 1, :, :until] = controls[:, until:] = 0
     V = [np.abs(positions[1:]).sum(axis=0), np.einsum("j,jrm->rm", order, left[:, :n_y]), left[:, n_y:].sum(axis=0)]

@@ -40,7 +40,7 @@ from icmj.plant.linear_plant import LinearPlant, Push
 from icmj.runfile.controllers import CONTROLLERS
 from icmj.runfile.reading import parse_run
 from icmj.runfile.schema import MOST_BYTES, BundledFiles, RunFile
-from icmj.simulation.disturbance import acting_on
+from icmj.simulation.disturbance import make_acting
 from icmj.simulation.ending import Outcome
 from icmj.simulation.labels import Labels
 from icmj.simulation.pressure import Pressure
@@ -99,7 +99,7 @@ def unpack(tree: str, arrays: Flat) -> Result:
         result = _decode(parts := json.loads(tree), arrays)
         # of a log of before, its run file says when what is given jumps
         if type(result) is Result and "edges" not in parts["simulation"]:
-            acting = acting_on(result.actual, result.run.simulation.settings())
+            acting = make_acting(result.actual, result.run.simulation.settings())
             drives = collect_drives(result.controller, acting, result.simulation.t)
             result = replace(result, simulation=replace(result.simulation, edges=drives["edges"]))
         # a prediction of before called a cycle predicted by the paper's condition

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 
 from icmj.case.quantity import in_brackets, shared_unit
 from icmj.case.result import Result, has_prediction
-from icmj.log.figure import eye
+from icmj.log.figure import place_eye
 from icmj.log.timeline import TIMELINE
 
 if TYPE_CHECKING:
@@ -24,13 +24,13 @@ HISTORY = 8.0  # intervals shown before the cursor, where a whole run would be t
 ROOM = 0.36  # of the time shown: left free at the right of the curves, for the legend
 
 
-def blueprint(result: Result) -> rrb.Blueprint:
+def make_blueprint(result: Result) -> rrb.Blueprint:
     """The arrangement for ``result``, without views of data that it does not have."""
     if not has_prediction(result):
         return _whole(result)
     control = result.simulation.control
     window = _window(result)
-    left: list[Any] = [body(result)] if result.scene is not None else []
+    left: list[Any] = [show_body(result)] if result.scene is not None else []
     left.append(_phase_plane())
     states = [
         plot("Hold state x_h", "states/hold", window),
@@ -48,7 +48,7 @@ def blueprint(result: Result) -> rrb.Blueprint:
         middle.insert(2, _ground(window))
     right: list[Any] = [rrb.TextDocumentView(origin="summary", name="Summary")]
     if control != "continuous":
-        right.append(plot("Open-loop interval [s], whole run", "interval", whole_run(result), ahead=True))
+        right.append(plot("Open-loop interval [s], whole run", "interval", show_whole_run(result), ahead=True))
     if result.prediction.V_inv is not None:
         right.append(plot("Eigenvector analysis χ", "modes", window))
     return arrange(
@@ -65,7 +65,7 @@ def _ground(axis: rrb.TimeAxis, *, ahead: bool = False) -> rrb.Tabs:
 
 def _whole(result: Result) -> rrb.Blueprint:
     """Body, outputs, inputs and mode over the whole run, and the summary: of a run beside which there is nothing."""
-    axis, run = whole_run(result), result.simulation
+    axis, run = show_whole_run(result), result.simulation
     plots: list[Any] = [
         plot(f"Outputs y{in_brackets(shared_unit(result.actual.output_units))}", "outputs", axis, ahead=True),
         plot(f"Inputs u{in_brackets(shared_unit(result.actual.input_units))}", "inputs", axis, ahead=True),
@@ -76,7 +76,7 @@ def _whole(result: Result) -> rrb.Blueprint:
     if run.mode.size:
         numbered = ", ".join(f"{i} {name}" for i, name in enumerate(run.modes))
         plots.append(plot(f"Mode: {numbered}", "mode", axis, ahead=True))
-    left: list[Any] = [body(result)] if result.scene is not None else []
+    left: list[Any] = [show_body(result)] if result.scene is not None else []
     right = rrb.TextDocumentView(origin="summary", name="Summary")
     return arrange(*(rrb.Vertical(*part) for part in (left, plots, [right]) if part))
 
@@ -107,7 +107,7 @@ def _window(result: PredictedResult) -> rrb.TimeAxis:
     )
 
 
-def whole_run(result: Result) -> rrb.TimeAxis:
+def show_whole_run(result: Result) -> rrb.TimeAxis:
     """A time axis over the whole run, and room for the legend."""
     return rrb.TimeAxis(
         view_range=rr.TimeRange(
@@ -134,10 +134,10 @@ def plot(name: str, origin: str, axis: rrb.TimeAxis, *, ahead: bool = False) -> 
     )
 
 
-def body(result: Result) -> rrb.Spatial3DView:
+def show_body(result: Result) -> rrb.Spatial3DView:
     """The body, and its sway magnified, in 3D."""
     assert result.scene is not None
-    position, target = eye(result.scene)
+    position, target = place_eye(result.scene)
     return rrb.Spatial3DView(
         name="Body, and its sway magnified",
         origin="scene",

@@ -23,11 +23,11 @@ from icmj.cycle.branch import Branch, pack, unpack
 from icmj.errors import IcmjError, LogError
 from icmj.log import palette
 from icmj.log.blueprint import BACKGROUND, arrange
-from icmj.log.figure import eye, write_figures
-from icmj.log.reader import static_row
-from icmj.log.target import in_memory
+from icmj.log.figure import place_eye, write_figures
+from icmj.log.reader import read_static_row
+from icmj.log.target import write_in_memory
 from icmj.log.timeline import time_column
-from icmj.log.writer import APPLICATION, ARCHIVE, strictly
+from icmj.log.writer import APPLICATION, ARCHIVE, raise_errors
 from icmj.simulation.scene import Scene
 
 LASTS = 1.5  # s on each cycle, at least
@@ -44,8 +44,8 @@ def write_branch_log(branch: Branch, path: Path | str) -> None:
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole(path) as part, strictly():
-            with in_memory(part) as sink:
+        with whole(path) as part, raise_errors():
+            with write_in_memory(part) as sink:
                 _write(branch, sink)
             if not part.is_file():
                 raise ValueError("rerun wrote no file; is it switched off by RERUN in the environment?")
@@ -60,7 +60,7 @@ def read_branch_log(path: Path | str) -> Branch:
         LogError: if it is not a recording of a branch.
     """
     path = Path(path)
-    row = {key.removeprefix(f"{ARCHIVE}:"): values for key, values in static_row(path, f"/{ENTITY}").items()}
+    row = {key.removeprefix(f"{ARCHIVE}:"): values for key, values in read_static_row(path, f"/{ENTITY}").items()}
     try:
         head = row.pop("head")[0].as_py()
         flat = {name: values.to_numpy(zero_copy_only=False) for name, values in row.items()}
@@ -125,9 +125,9 @@ def _lay_out(branch: Branch) -> tuple[Scene | None, Array, dict[str, Array]]:
     t = np.maximum.accumulate(t + 1e-9 * np.arange(len(t)))
     scene = None
     if plant is not None:
-        from icmj.engine.pose import scene_of
+        from icmj.engine.pose import pose_departures
 
-        scene = scene_of(plant, t, np.concatenate(position), branch.run.study.magnification)
+        scene = pose_departures(plant, t, np.concatenate(position), branch.run.study.magnification)
     return scene, t, {name: np.concatenate(values) for name, values in parts.items()}
 
 
@@ -135,18 +135,20 @@ def _body(branch: Branch) -> tuple[Any, Array | None]:
     """The actual plant on the engine and how its positions depart on each cycle, (M, K, nv); ``None`` by matrices."""
     from icmj.case.plants import actual_plant, assumed_plant
     from icmj.engine.plant import MujocoPlant
-    from icmj.engine.pose import departures
+    from icmj.engine.pose import measure_departures
 
     plant = actual_plant(branch.run, assumed_plant(branch.run))
     if not isinstance(plant, MujocoPlant):
         return None, None
     if branch.qpos.shape[-1]:
-        return plant, np.array([departures(plant, qpos) for qpos in branch.qpos])
+        return plant, np.array([measure_departures(plant, qpos) for qpos in branch.qpos])
     return plant, plant.linearisation.ports.whole(branch.x)[..., : plant.model.nv]
 
 
 def _series(recording: rr.RecordingStream, path: str, t: Array, values: Array, names: tuple[str, ...]) -> None:
-    style = rr.SeriesLines(colors=list(palette.series(len(names))), names=list(names), widths=[1.5] * len(names))
+    style = rr.SeriesLines(
+        colors=list(palette.choose_colours(len(names))), names=list(names), widths=[1.5] * len(names)
+    )
     recording.log(path, style, static=True)
     flat = np.ascontiguousarray(values, dtype=float).reshape(-1)
     columns = rr.Scalars.columns(scalars=flat).partition(np.full(len(t), values.shape[1]))
@@ -193,7 +195,7 @@ def _blueprint(branch: Branch, scene: Scene | None) -> rrb.Blueprint:
 
     figures: list[Any] = []
     if scene is not None:
-        position, target = eye(scene)
+        position, target = place_eye(scene)
         controls = rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=(0.0, 0.0, 1.0)
         )

@@ -17,7 +17,7 @@ from icmj.base.text import one_line
 from icmj.errors import LogError
 from icmj.log.palette import PURPLE, VERMILION, WHITE, YELLOW
 from icmj.log.timeline import TIMELINE, time_column
-from icmj.simulation.scene import Geom, Scene, frames
+from icmj.simulation.scene import Geom, Scene, select_frames
 
 ROOT = "scene"
 FLOOR_COLOUR = (150, 156, 164, 255)
@@ -25,9 +25,9 @@ FLOOR_COLOUR = (150, 156, 164, 255)
 
 def write_figures(recording: rr.RecordingStream, scene: Scene) -> None:
     """Write both figures with centre of mass and its path."""
-    shown = frames(scene.t)
+    shown = select_frames(scene.t)
     time = time_column(scene.t[shown])
-    apart = 0.36 * height(scene)
+    apart = 0.36 * measure_height(scene)
     recording.log(ROOT, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     _write_floor(recording, scene, apart)
     figures = (
@@ -52,7 +52,7 @@ def write_figures(recording: rr.RecordingStream, scene: Scene) -> None:
         recording.log(
             f"{root}/label",
             rr.Points3D(
-                [[0, 0, _top(scene) + 0.04 * height(scene)]],
+                [[0, 0, _top(scene) + 0.04 * measure_height(scene)]],
                 labels=[label],
                 colors=[WHITE],
                 radii=[0.0],
@@ -117,7 +117,7 @@ def _write_com(
     opens they cover exactly the places where they are.
     """
     root = f"{root}/centre_of_mass"
-    seen_from = eye(scene)[0] - [x, 0.0, 0.0]
+    seen_from = place_eye(scene)[0] - [x, 0.0, 0.0]
     nearer = (_half_width(scene) + 0.06) / abs(float(seen_from[1]))
     towards = rr.Transform3D(translation=nearer * seen_from, scale=1 - nearer)
     recording.log(root, towards, static=True)
@@ -156,15 +156,15 @@ def _write_floor(recording: rr.RecordingStream, scene: Scene, apart: float) -> N
     )
 
 
-def height(scene: Scene) -> float:
+def measure_height(scene: Scene) -> float:
     """The height from the floor to slightly above the highest geom [m]; 1 without visible geoms."""
     tall = _top(scene) - _floor(scene)
     return tall if tall > 1e-6 else 1.0
 
 
-def eye(scene: Scene) -> tuple[Array, Array]:
+def place_eye(scene: Scene) -> tuple[Array, Array]:
     """The positions of the eye and of the point it looks at, so that both figures fill the view [m]."""
-    z, h = _floor(scene), height(scene)
+    z, h = _floor(scene), measure_height(scene)
     return np.array([0.12 * h, -1.42 * h, z + 0.66 * h]), np.array([0.0, 0.0, z + 0.49 * h])
 
 

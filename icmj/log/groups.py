@@ -52,11 +52,11 @@ class Entity:
         return "Off" if len(self.t) < 3000 else "MinMax"
 
 
-def groups(result: Result) -> Iterator[Entity]:
+def list_groups(result: Result) -> Iterator[Entity]:
     """Every group of series of ``result``; those that do not exist (no cycle, no trigger ...) are left out."""
     yield from _signals(result) if has_prediction(result) else _bare_signals(result)
-    yield from acting_groups(result)
-    yield from pressure_groups(result)
+    yield from list_acting_groups(result)
+    yield from list_pressure_groups(result)
     if has_prediction(result):
         yield from _trigger(result)
         yield from _intervals(result)
@@ -74,27 +74,27 @@ def _bare_signals(result: Result) -> Iterator[Entity]:
         ("inputs/run", run.u, plant.inputs),
         ("states/plant", run.x, plant.states),
     ):
-        yield Entity(path, run.t, values, names, palette.series(len(names)))
-    yield from setpoint_groups(run)
+        yield Entity(path, run.t, values, names, palette.choose_colours(len(names)))
+    yield from list_setpoint_groups(run)
 
 
 def _signals(result: PredictedResult) -> Iterator[Entity]:
     """Outputs, inputs and states: continuous, predicted and run, in this (alphabetical) order drawn on each other."""
     simulation, continuous, prediction = result.simulation, result.continuous, result.prediction
     y_names, u_names = result.actual.outputs, result.actual.inputs
-    y_colours, u_colours = palette.series(len(y_names)), palette.series(len(u_names))
+    y_colours, u_colours = palette.choose_colours(len(y_names)), palette.choose_colours(len(u_names))
     laid = lay_orbit(result) if prediction.cycle else None
     if laid is not None:
         y, u = (laid.at(simulation.t, signal) for signal in (laid.orbit.y, laid.orbit.u))
         for where, values, names, colours in (("outputs", y, y_names, y_colours), ("inputs", u, u_names, u_colours)):
-            dim = tuple(palette.dim(colour) for colour in colours)
+            dim = tuple(palette.darken(colour) for colour in colours)
             yield Entity(f"{where}/predicted", simulation.t, values, ("predicted orbit",) * len(names), dim, 5.0)
     if continuous is not None:
         for where, values, names in (("outputs", continuous.y, y_names), ("inputs", continuous.u, u_names)):
             grey = (palette.CONTINUOUS,) * len(names)
             yield Entity(f"{where}/continuous", continuous.t, values, ("continuous control",) * len(names), grey, 1.0)
     yield Entity("outputs/run", simulation.t, simulation.y, y_names, y_colours)
-    yield from setpoint_groups(simulation)
+    yield from list_setpoint_groups(simulation)
     events, u_after = simulation.events, simulation.u_after(result.controller)
     yield Entity("inputs/run", *with_resets(simulation, simulation.u, u_after), u_names, u_colours)
     for path, (t, values), names in (
@@ -102,14 +102,14 @@ def _signals(result: PredictedResult) -> Iterator[Entity]:
         ("states/observer", (simulation.t, simulation.x_o), result.assumed.states),
         ("states/hold", with_resets(simulation, simulation.x_h, events.x_o), result.assumed.states),
     ):
-        yield Entity(path, t, values, names, palette.series(len(names)))
+        yield Entity(path, t, values, names, palette.choose_colours(len(names)))
 
 
-def setpoint_groups(simulation: Simulation) -> Iterator[Entity]:
+def list_setpoint_groups(simulation: Simulation) -> Iterator[Entity]:
     """The set-point that a run followed, if any."""
     if simulation.setpoint:
         names = tuple(f"set-point {name}" for name in simulation.setpoint.names)
-        colours = tuple(palette.pale(colour) for colour in palette.series(len(names)))
+        colours = tuple(palette.fade(colour) for colour in palette.choose_colours(len(names)))
         yield Entity("outputs/setpoint", *_upright(simulation.setpoint, simulation.t), names, colours, 1.0)
 
 
@@ -122,12 +122,12 @@ def _upright(r: Setpoint, t: Array) -> tuple[Array, Array]:
     return when[order], values[order]
 
 
-def acting_groups(result: Result) -> Iterator[Entity]:
+def list_acting_groups(result: Result) -> Iterator[Entity]:
     """The inputs that act on the plant where they differ from the command: limited, and with disturbances."""
     inputs = acting(result)
     if inputs:
         names = tuple(f"{result.actual.inputs[i]}, what acts" for i in inputs)
-        colours = tuple(palette.pale(palette.series(result.actual.n_u)[i]) for i in inputs)
+        colours = tuple(palette.fade(palette.choose_colours(result.actual.n_u)[i]) for i in inputs)
         values = np.ascontiguousarray(result.simulation.applied[:, inputs])
         yield Entity("inputs/what_acts", result.simulation.t, values, names, colours, 1.0)
     run = result.simulation
@@ -135,20 +135,20 @@ def acting_groups(result: Result) -> Iterator[Entity]:
         names = tuple(
             f"push on {name}{in_brackets(unit)}" for name, unit in zip(run.push_names, run.push_units, strict=True)
         )
-        colours = tuple(palette.pale(colour) for colour in palette.series(len(names)))
+        colours = tuple(palette.fade(colour) for colour in palette.choose_colours(len(names)))
         yield Entity("inputs/pushes", run.t, np.ascontiguousarray(run.push_values), names, colours, 1.0)
 
 
-def pressure_groups(result: Result) -> Iterator[Entity]:
+def list_pressure_groups(result: Result) -> Iterator[Entity]:
     """Centre of pressure, its value at rest, and the load of each contact."""
     simulation, pressure = result.simulation, result.simulation.pressure
     if pressure is None:
         return
     axes = pressure.axes or ("x",)
     there = ["xy".index(axis) for axis in axes]
-    colours = palette.series(len(axes))
+    colours = palette.choose_colours(len(axes))
     rest = np.tile(pressure.at_rest[there], (2, 1))
-    dim = tuple(palette.dim(colour) for colour in colours)
+    dim = tuple(palette.darken(colour) for colour in colours)
     yield Entity("pressure/at_rest", simulation.t[[0, -1]], rest, ("at rest",) * len(axes), dim, 1.5)
     for path, values, after, names in (
         ("pressure/centre", pressure.centre[:, there], pressure.centre_after[:, there], axes),
@@ -157,7 +157,7 @@ def pressure_groups(result: Result) -> Iterator[Entity]:
         t = simulation.t
         if len(after):
             t, values = with_resets(simulation, values, after)
-        yield Entity(path, t, np.ascontiguousarray(values), names, palette.series(len(names)))
+        yield Entity(path, t, np.ascontiguousarray(values), names, palette.choose_colours(len(names)))
 
 
 def _trigger(result: PredictedResult) -> Iterator[Entity]:

@@ -32,18 +32,18 @@ OTHER_MODES: Colour = (95, 110, 120, 255)
 _CYCLE = (SKY, ORANGE, GREEN, PURPLE, VERMILION, OLIVE, BLUE, BROWN)
 
 
-def series(count: int) -> tuple[Colour, ...]:
+def choose_colours(count: int) -> tuple[Colour, ...]:
     """Colours of ``count`` series; they repeat after eight."""
     return tuple(_CYCLE[i % len(_CYCLE)] for i in range(count))
 
 
-def dim(colour: Colour) -> Colour:
+def darken(colour: Colour) -> Colour:
     """The same hue, darker: a prediction under its measurement, the approach to a cycle."""
     r, g, b, a = colour
     return (r * 2 // 5 + 12, g * 2 // 5 + 12, b * 2 // 5 + 12, a)
 
 
-def pale(colour: Colour) -> Colour:
+def fade(colour: Colour) -> Colour:
     """The same hue, greyer: the acting input, drawn over the command."""
     r, g, b, a = colour
     return ((r + 130) // 2, (g + 130) // 2, (b + 130) // 2, a)

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import rerun as rr
 
-from icmj.base.array import Array, between
+from icmj.base.array import Array, is_between
 from icmj.case.laid_orbit import lay_orbit
 from icmj.case.motion import event_rows, output_rate
 from icmj.case.quantity import in_brackets, shared_unit
 from icmj.log import palette
 from icmj.log.timeline import time_column
-from icmj.simulation.scene import frames
+from icmj.simulation.scene import select_frames
 
 if TYPE_CHECKING:
     from icmj.case.result import PredictedResult
@@ -34,7 +34,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: PredictedResult) ->
     y, rate = simulation.y, output_rate(result, simulation.x, simulation.u)
     laid = lay_orbit(result) if result.prediction.cycle else None
     orbit = None if laid is None else (laid.whole(laid.orbit.y), laid.whole(laid.rate))
-    late = between(simulation.t, simulation.t[-1] * (1 - LATE))
+    late = is_between(simulation.t, simulation.t[-1] * (1 - LATE))
     seen = [(y[late], rate[late])] + ([orbit] if orbit is not None else [])
     scale_y, scale_rate = (round_up(max(float(np.abs(pair[i]).max(initial=0.0)) for pair in seen)) for i in (0, 1))
 
@@ -42,7 +42,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: PredictedResult) ->
         return np.column_stack([WIDE * y / scale_y, -rate / scale_rate])
 
     _write_frame(recording, scale_y, scale_rate, shared_unit(result.actual.output_units))
-    colours = palette.series(result.actual.n_y)
+    colours = palette.choose_colours(result.actual.n_y)
     approach = ~late
     events = event_rows(simulation)
     events = events[late[events]]
@@ -50,7 +50,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: PredictedResult) ->
         root = f"{ROOT}/{name}"
         strips = _inside(placed(y[approach, i], rate[approach, i]))
         if strips:
-            faint = palette.dim(palette.dim(colour))
+            faint = palette.darken(palette.darken(colour))
             recording.log(
                 f"{root}/approach", rr.LineStrips2D(strips, colors=[faint], radii=[-0.5], draw_order=1.0), static=True
             )
@@ -58,7 +58,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: PredictedResult) ->
             line = placed(orbit[0][:, i], orbit[1][:, i])
             recording.log(
                 f"{root}/orbit",
-                rr.LineStrips2D([line], colors=[palette.dim(palette.WHITE)], radii=[-3.0], draw_order=10.0 + i),
+                rr.LineStrips2D([line], colors=[palette.darken(palette.WHITE)], radii=[-3.0], draw_order=10.0 + i),
                 static=True,
             )
         line = placed(y[late, i], rate[late, i])
@@ -72,7 +72,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: PredictedResult) ->
                 rr.Points2D(at, colors=[palette.EVENT], radii=[-3.5], draw_order=30.0 + i),
                 static=True,
             )
-    shown = frames(simulation.t)
+    shown = select_frames(simulation.t)
     now = np.stack([placed(y[shown, i], rate[shown, i]) for i in range(result.actual.n_y)], axis=1)
     style = rr.Points2D.from_fields(
         colors=colours, radii=[-6.0], labels=list(result.actual.outputs), show_labels=True, draw_order=40.0

@@ -16,7 +16,7 @@ MEMORY, PER_BYTE = 2 << 30, 8  # of which 240 MB take a quarter
 _NONE = "0 files verified"
 
 
-def program() -> Path:
+def find_program() -> Path:
     """The program in the rerun wheel.
 
     Raises:
@@ -68,6 +68,6 @@ def salvage(path: Path, copy: Path) -> str:
 
 def _run_bounded(arguments: list[str], path: Path) -> subprocess.CompletedProcess[str]:
     """``rerun rrd`` with these arguments, held to what the recording at ``path`` could need if it were whole."""
-    command, size = [str(program()), "rrd", *arguments], path.stat().st_size
+    command, size = [str(find_program()), "rrd", *arguments], path.stat().st_size
     processor, data = SECONDS + size // BYTES_A_SECOND, MEMORY + PER_BYTE * size
     return run_bounded(command, LONGEST, processor=processor, data=data, environment={"NO_COLOR": "1"})

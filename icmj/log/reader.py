@@ -112,7 +112,7 @@ def read_summary(path: Path | str) -> dict[str, dict[str, Any]]:
     return topics
 
 
-def static_row(path: Path, entity: str) -> dict[str, Any]:
+def read_static_row(path: Path, entity: str) -> dict[str, Any]:
     """Static components of an entity, as arrow arrays by name.
 
     Raises:

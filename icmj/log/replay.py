@@ -17,12 +17,12 @@ from pathlib import Path
 from typing import IO
 from urllib.parse import quote
 
-from icmj.base.array import between
-from icmj.base.files import replaceable, write_bytes
-from icmj.base.interruption import interrupt_once, terminable
+from icmj.base.array import is_between
+from icmj.base.files import expect_replaceable, write_bytes
+from icmj.base.interruption import catch_termination, interrupt_once
 from icmj.base.text import one_line
 from icmj.errors import LogError
-from icmj.log.program import program, salvage
+from icmj.log.program import find_program, salvage
 from icmj.log.reader import DamagedLog, read_summary
 
 LOOPBACK = "127.0.0.1"
@@ -117,13 +117,13 @@ def _screenshot(log: Path, target: Path, time: float | None, size: tuple[int, in
     if not target.parent.is_dir():
         raise LogError(f"{target}: no such folder {target.parent}")
     try:
-        replaceable(target)
+        expect_replaceable(target)
     except OSError as error:
         raise LogError(f"{target}: cannot be written ({error.strerror})") from error
     outcome = read_summary(log).get("outcome", {})
     end = float(outcome.get("time", 0.0))
     at = 0.9 * end if time is None else time
-    if not between(at, 0.0, end):
+    if not is_between(at, 0.0, end):
         raise LogError(f"{log}: no instant {at:g} s in this log; it runs from 0 to {end:g} s")
     port = _free_port()
     command = [*_base(port), "--headless", "--window-size", f"{size[0]}x{size[1]}"]
@@ -169,7 +169,7 @@ def _picture(port: int, at: float) -> bytes:
 
 
 def _base(port: int) -> list[str]:
-    return [str(program()), "--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen"]
+    return [str(find_program()), "--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen"]
 
 
 @contextlib.contextmanager
@@ -180,7 +180,7 @@ def _running(command: list[str], logs: Sequence[Path]) -> Iterator[tuple[subproc
     """
     # errors only: every warning would be drawn over the picture as a notification
     environment = os.environ | {"RUST_LOG": "error", "RERUN_APP_ONLY": "true"}
-    with terminable(), interrupt_once(), tempfile.TemporaryFile() as messages:
+    with catch_termination(), interrupt_once(), tempfile.TemporaryFile() as messages:
         paths = [log.absolute() for log in logs]
         words, top = [*command, *map(str, paths)], paths[0].anchor
         process = subprocess.Popen(words, stdout=messages, stderr=messages, env=environment, cwd=top)

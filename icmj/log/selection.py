@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import get_args
 
 from icmj.base.files import is_file_name
-from icmj.base.text import did_you_mean, one_line
+from icmj.base.text import one_line, suggest
 from icmj.case.case import PlantKind
 from icmj.errors import LogError
 from icmj.log.reader import DamagedLog, read_summary
@@ -63,5 +63,5 @@ def _logs_of(path: Path, results: Path) -> list[Path]:
         return found
     cases = {log.stem.removesuffix(f".{plant}") for log in results.glob("*.rrd") for plant in plants}
     writes = f"icmj run {path} writes one" if path.name in RUNS.files else "icmj run and icmj study write some there"
-    near = did_you_mean(str(path), sorted(cases)) or f"; {writes}"
+    near = suggest(str(path), sorted(cases)) or f"; {writes}"
     raise LogError(f"{one_line(path, 80)}: no such log, nor one of a case of this name in {results}{near}")

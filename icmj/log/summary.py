@@ -67,7 +67,7 @@ def _join(result: Result, verdict: str, topics: Mapping[str, Mapping[str, Any]])
     return {name: {k: v for k, v in facts.items() if v is not None} for name, facts in told.items()}
 
 
-def markdown(result: Result, compared: Comparison | None) -> str:
+def write_markdown(result: Result, compared: Comparison | None) -> str:
     """One page: the verdict, the numbers side by side if there is a prediction, how the run ended and what made it."""
     if compared is None or not has_prediction(result):
         return _plain_page(result)
@@ -107,9 +107,9 @@ def markdown(result: Result, compared: Comparison | None) -> str:
         f"- outcome: the run {simulation.outcome.message}",
         f"- motion: {result.measurement.words}",
         f"- {len(simulation.events)} events, {len(simulation.t)} rows",
-        *(f"- {key.replace('_', ' ')}: {in_words(value)}" for key, value in simulation.precision.items()),
+        *(f"- {key.replace('_', ' ')}: {format_fact(value)}" for key, value in simulation.precision.items()),
         *([f"- {words}" for words in simulation.pressure.words] if simulation.pressure else ()),
-        *(f"- {name}: {in_words(value)}" for name, value in result.measures.items()),
+        *(f"- {name}: {format_fact(value)}" for name, value in result.measures.items()),
         "",
         "## Provenance",
         *(f"- {key.replace('_', ' ')}: {value}" for key, value in result.provenance.items()),
@@ -140,7 +140,11 @@ def _plain_page(result: Result) -> str:
     lines = [*_head(result), f"**{PLANTS[run.plant]}**, {result.controller.kind} control.", ""]
     lines.append(result.words)
     for title, facts in parts.items():
-        lines += ["", f"## {title}", *(f"- {key.replace('_', ' ')}: {in_words(value)}" for key, value in facts.items())]
+        lines += [
+            "",
+            f"## {title}",
+            *(f"- {key.replace('_', ' ')}: {format_fact(value)}" for key, value in facts.items()),
+        ]
     if run.pressure is not None:
         lines += ["", "## Ground", *(f"- {words}" for words in run.pressure.words)]
     return "\n".join(lines) + "\n"
@@ -182,7 +186,7 @@ PLANTS = {"linear": "Linear plant", "mujoco": "MuJoCo plant"}
 CONTROLS = {"event": "event-driven", "clock": "clock-driven", "continuous": "continuous control"}
 
 
-def in_words(value: float | int | str) -> str:
+def format_fact(value: float | int | str) -> str:
     """A fact as readable text."""
     return amount(value) if isinstance(value, float) else str(value)
 

@@ -15,7 +15,7 @@ _OPEN = Path("/proc/self/fd")  # files that a process has open, by name
 
 
 @contextmanager
-def in_memory(part: Path) -> Iterator[Path]:
+def write_in_memory(part: Path) -> Iterator[Path]:
     """A path for rerun to write to, the content of which is in ``part`` when the block ends well.
 
     Where the system has no files in memory it is ``part`` itself.

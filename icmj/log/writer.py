@@ -20,12 +20,12 @@ from icmj.case.comparison import compare
 from icmj.case.result import Result, has_prediction
 from icmj.errors import LogError
 from icmj.log import archive
-from icmj.log.blueprint import blueprint
+from icmj.log.blueprint import make_blueprint
 from icmj.log.figure import write_figures
-from icmj.log.groups import Entity, groups
+from icmj.log.groups import Entity, list_groups
 from icmj.log.phase_plane import write_phase_plane
-from icmj.log.summary import markdown, summarise
-from icmj.log.target import in_memory
+from icmj.log.summary import summarise, write_markdown
+from icmj.log.target import write_in_memory
 from icmj.log.timeline import time_column
 
 APPLICATION = "icmj"
@@ -48,8 +48,8 @@ def write_log(result: Result, path: Path | str) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # a run that diverged is logged too
-        with whole(path) as part, strictly(), np.errstate(invalid="ignore", over="ignore"):
-            with in_memory(part) as sink:
+        with whole(path) as part, raise_errors(), np.errstate(invalid="ignore", over="ignore"):
+            with write_in_memory(part) as sink:
                 _write(result, tree, arrays, sink)
             _verify(part)
     except (OSError, RuntimeError, ValueError, TypeError) as error:
@@ -57,7 +57,7 @@ def write_log(result: Result, path: Path | str) -> None:
 
 
 @contextmanager
-def strictly() -> Iterator[None]:
+def raise_errors() -> Iterator[None]:
     """Within the block, rerun raises an error on a wrong argument instead of dropping the data with a warning."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)
@@ -75,18 +75,18 @@ def _write(result: Result, tree: str, arrays: archive.Flat, sink: Path) -> None:
     recording = rr.RecordingStream(
         APPLICATION, recording_id=identity, batcher_config=rr.ChunkBatcherConfig(flush_num_rows=1)
     )
-    recording.save(sink, default_blueprint=blueprint(result))
+    recording.save(sink, default_blueprint=make_blueprint(result))
     recording.set_log_time_enabled(False)
     recording.set_log_tick_enabled(False)
     recording.send_recording_name(f"{result.run.title} ({result.simulation.plant})")
     compared = compare(result) if has_prediction(result) else None
-    properties, words = summarise(result, compared), markdown(result, compared)
+    properties, words = summarise(result, compared), write_markdown(result, compared)
     for name, facts in properties.items():
         if facts:
             recording.send_property(name, [_fact(key, value) for key, value in facts.items()])
     recording.log("summary", rr.TextDocument(words, media_type=rr.MediaType.MARKDOWN), static=True)
     _write_archive(recording, tree, arrays, digest)
-    for group in groups(result):
+    for group in list_groups(result):
         _write_group(recording, group)
     if has_prediction(result):
         write_phase_plane(recording, result)

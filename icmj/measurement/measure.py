@@ -18,7 +18,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from icmj.base.array import Array
-from icmj.base.text import did_you_mean, one_line, read_meanings
+from icmj.base.text import one_line, read_meanings, suggest
 from icmj.errors import DataError
 from icmj.work.own_code import Code, folder_of, guard, reference_of
 
@@ -207,7 +207,7 @@ class Measure:
         """
         for name in options:
             if name not in self.options:
-                raise DataError(f"{self.name} has no option {name!r}{did_you_mean(name, self.options)}")
+                raise DataError(f"{self.name} has no option {name!r}{suggest(name, self.options)}")
         return replace(self, settings={**self.settings, **{k: self.options[k].check(v) for k, v in options.items()}})
 
     def measure(self, signal: Signal) -> Any:

@@ -24,9 +24,9 @@ from typing import Literal
 
 import numpy as np
 
-from icmj.base.array import RELATIVE_ROUNDING, Array, between, extent
+from icmj.base.array import RELATIVE_ROUNDING, Array, find_range, is_between
 from icmj.errors import DataError
-from icmj.series.even_rows import evenly
+from icmj.series.even_rows import resample
 from icmj.simulation.simulation import Simulation
 
 SEGMENTS = 4  # lengths of a segment in the signal; they overlap by half
@@ -62,7 +62,7 @@ def spectrum(t: Array, values: Array, segments: int = SEGMENTS) -> Spectrum:
     """
     from scipy.special import chdtri
 
-    even, smooth = evenly(t, values)
+    even, smooth = resample(t, values)
     smooth, step = level_still(smooth), float(even[-1] - even[0]) / (len(even) - 1)
     length = max(len(even) // segments, 2)
     parts = cut_windows(smooth - smooth[0], length)
@@ -229,16 +229,16 @@ def statistics(simulation: Simulation) -> Statistics | None:
     """The statistics of a run on either plant; ``None`` if it fell or diverged, or is too short."""
     end = float(simulation.t[-1])
     start = TRANSIENT * end
-    rows = between(simulation.t, start)
+    rows = is_between(simulation.t, start)
     if simulation.outcome.kind in ("fell", "diverged") or rows.sum() < FEWEST:
         return None
     t, y = simulation.t[rows], simulation.y[rows]
-    _, even = evenly(t, y)
-    intervals = simulation.events.interval[between(simulation.events.t, start)]
+    _, even = resample(t, y)
+    intervals = simulation.events.interval[is_between(simulation.events.t, start)]
     several = len(intervals) >= 2
     none = np.zeros(0), np.zeros(0)
-    counts, edges = np.histogram(intervals, _bins(intervals), extent(intervals)) if several else none
-    at_least = between(intervals, simulation.least, simulation.least)
+    counts, edges = np.histogram(intervals, _bins(intervals), find_range(intervals)) if several else none
+    at_least = is_between(intervals, simulation.least, simulation.least)
     return Statistics(
         start=start,
         end=end,

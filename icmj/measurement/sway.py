@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from icmj.base.array import RELATIVE_ROUNDING, Array, between
+from icmj.base.array import RELATIVE_ROUNDING, Array, is_between
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import amount
 from icmj.errors import DataError
 from icmj.measurement.measure import Measure, Number, Of, Signal
 from icmj.measurement.measures import choose_measures, numbers_of
 from icmj.measurement.statistics import Spectrum, level_still, spectrum
-from icmj.series.even_rows import even_series
+from icmj.series.even_rows import resample_series
 from icmj.series.series import Series
-from icmj.series.units import in_si
+from icmj.series.units import convert_to_si
 
 FEWEST = 20  # rows below which there is nothing to measure
 SEGMENTS = 2  # lengths of a segment of the spectrum in the record
@@ -146,7 +146,7 @@ def measure_sway(
             not fit the rate, or a measure or an option is unknown.
         RunFileError: if a measure of your own fails.
     """
-    series = even_series(series.chosen(columns) if columns else series, rate)
+    series = resample_series(series.chosen(columns) if columns else series, rate)
     N = len(series)
     if N < FEWEST:
         raise DataError(f"{N} rows; expected at least {FEWEST}")
@@ -192,7 +192,7 @@ def from_torque(series: Series, torque: str, weight: float) -> Series:
     """
     if not (np.isfinite(weight) and weight > 0):
         raise DataError(f"a weight must be positive and finite, got {weight:g} N")
-    moment = in_si(series.chosen([torque]), "torque")
+    moment = convert_to_si(series.chosen([torque]), "torque")
     return replace(moment, values=-moment.values / weight, names=("cop",), units=("m",))
 
 
@@ -211,7 +211,7 @@ def _filter(values: Array, corner: float, rate: float) -> Array:
     from scipy.signal import butter, sosfiltfilt
 
     lowest = rate / len(values)  # beneath one period in the record nothing is left, and the filter's poles round to 1
-    if not (between(corner, lowest) and corner < (1 - RELATIVE_ROUNDING) * rate / 2):
+    if not (is_between(corner, lowest) and corner < (1 - RELATIVE_ROUNDING) * rate / 2):
         raise DataError(
             f"a low-pass of {corner:g} Hz; expected from {lowest:.3g} Hz, one period in the record, to below half the "
             f"rate, {rate / 2:g} Hz"

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from icmj.base.array import Array, falling, real
+from icmj.base.array import Array, argsort_descending, real
 from icmj.base.text import one_line
 from icmj.errors import AnalysisError, SimulationError
 
@@ -210,7 +210,7 @@ class LinearPlant:
     def poles(self) -> NDArray[np.complex128]:
         """Eigenvalues of A [rad/s], by decreasing real part."""
         eigenvalues = np.linalg.eigvals(self.A).astype(complex)
-        return eigenvalues[falling(eigenvalues.real, -eigenvalues.imag)]
+        return eigenvalues[argsort_descending(eigenvalues.real, -eigenvalues.imag)]
 
     def response(self, s: complex) -> NDArray[np.complex128]:
         """C (s I − A)⁻¹ B, shape (n_y, n_u), at an s [1/s] that is no eigenvalue of A."""

@@ -20,7 +20,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from icmj.base.array import Array, leading
+from icmj.base.array import Array, argmax_abs
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
 
@@ -139,7 +139,7 @@ def adrift(plant: LinearPlant, positions: np.ndarray | None = None) -> tuple[str
         w = kept[:, among] @ V[-1]
         if values[-1] > IDLE * np.abs(plant.A).max() or np.linalg.norm(w) < _RANK:
             break
-        found.append(plant.states[among.pop(leading(np.abs(V[-1])))])
+        found.append(plant.states[among.pop(argmax_abs(np.abs(V[-1])))])
         kept = np.linalg.svd(w[None, :])[2][1:] @ kept
     return tuple(found)
 
@@ -306,7 +306,7 @@ def compare_steps(plant: LinearPlant, halved: LinearPlant, step: float) -> StepE
         size = np.abs(here)
         size[size <= 1e-6 * size.max(axis=1, keepdims=True)] = np.inf
         share = np.abs(there - here) / size
-        row, column = np.unravel_index(leading(share.ravel()), share.shape)
+        row, column = np.unravel_index(argmax_abs(share.ravel()), share.shape)
         if share[row, column] > max(STEADY, largest.share if largest else 0.0):
             names = plant.inputs[column], plant.outputs[row]
             largest = StepEffect(float(share[row, column]), *names, float(omega), step)

@@ -12,7 +12,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.cycle.branch import Branch, SpecialPoint
-from icmj.cycle.parameter import unit_of
+from icmj.cycle.parameter import get_unit
 from icmj.errors import ReportError
 from icmj.report import style
 
@@ -256,7 +256,7 @@ def _along(
             named.add(kind)
     if _logarithmic(branches):
         axes.set_xscale("log")
-    unit = "rad" if first.parameter == "q_t" and "rad" in first.units else unit_of(first.parameter)
+    unit = "rad" if first.parameter == "q_t" and "rad" in first.units else get_unit(first.parameter)
     axes.set_xlabel(_axis_label(first.parameter, unit))
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from icmj.base import VERSION
-from icmj.base.files import scratch, write_bytes
+from icmj.base.files import make_scratch, write_bytes
 from icmj.base.text import one_line
 from icmj.case.result import Result, has_prediction
 from icmj.case.sweep_table import SweepTable
@@ -79,7 +79,7 @@ def build_report(
     figures = out.with_name(f"{out.stem}_figures") if figures is None else Path(figures)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        with scratch(out) as staged:
+        with make_scratch(out) as staged:
             (draw or draw_all)(cases, staged)
             page = render(cases, staged, sweeps, branches, others)
             (staged / out.name).write_text(page, encoding="utf-8")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from icmj.base.array import Array, between, steps_in
+from icmj.base.array import Array, count_steps, is_between
 from icmj.errors import ReportError
 from icmj.experiments.reconstruction import Reconstruction
 from icmj.experiments.recording import Finding
@@ -126,7 +126,7 @@ def draw_reconstruction(axes: Axes, found: Reconstruction, pair: int) -> None:
     if not -len(pairs) <= pair < len(pairs):
         raise ReportError(f"no pair {pair} of {len(pairs)}")
     (first, second), rt = pairs.t[pair], found.rt[pair]
-    shown = between(found.t, first - _BEFORE, second + _AFTER)
+    shown = is_between(found.t, first - _BEFORE, second + _AFTER)
     t, u = found.t[shown] - first, found.u[shown]
     axes.plot(t, u, color="#8a8a8a", linewidth=1.6, label="control")
     axes.plot(t, found.fit[shown], color="#222222", linewidth=0.9, linestyle=(0, (5, 1.5)), label="linear model")
@@ -206,10 +206,10 @@ def sway_figure(
     room = 1000 * max(float(np.ptp(x)) for x, _, _ in lines)
     for i, (x, colour, name) in enumerate(lines):
         path.plot(np.arange(len(x)) / rate, 1000 * (x - x.mean()) - 1.05 * i * room, color=colour, linewidth=0.7)
-        parts = cut_windows(x[:, None], min(len(x), steps_in(20.48 * rate)), "linear")[:, :, 0]
+        parts = cut_windows(x[:, None], min(len(x), count_steps(20.48 * rate)), "linear")[:, :, 0]
         f, power = np.fft.rfftfreq(parts.shape[1], 1 / rate), (np.abs(np.fft.rfft(parts, axis=1)) ** 2).mean(axis=0)
         power *= 2 / rate / (hann(parts.shape[1]) ** 2).sum()
-        kept = (f > 0) & between(f, 0.0, 10.0)
+        kept = (f > 0) & is_between(f, 0.0, 10.0)
         label = None if name in named else name
         spectrum.loglog(f[kept], 1e6 * power[kept], color=colour, linewidth=0.8, alpha=0.8, label=label)
         named.add(name)

@@ -27,17 +27,17 @@ from icmj.case.quantity import quantities
 from icmj.controller.controller import has_trigger
 from icmj.controller.delay import Delay
 from icmj.controller.realisation import Realisation
-from icmj.engine.planar_chain import chain_of
+from icmj.engine.planar_chain import find_chain
 from icmj.engine.plant import MujocoPlant
-from icmj.engine.schedule import fastest_rate
+from icmj.engine.schedule import find_fastest_rate
 from icmj.errors import AnalysisError, ReportError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.report.player import chain_body, join_scripts, links_of, script
-from icmj.simulation.disturbance import Disturbance, acting_on, terms_of
-from icmj.simulation.position_limit import limits_of
+from icmj.simulation.disturbance import Disturbance, list_terms, make_acting
+from icmj.simulation.position_limit import get_limits
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Gridded, Noise, Placed
-from icmj.simulation.start import plant_start
+from icmj.simulation.start import make_plant_start
 from icmj.theory.error_system import error_system
 from icmj.theory.prediction import predict
 
@@ -96,11 +96,11 @@ def describe(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     if refusal := _refusal(case):
         raise ReportError(f"{run.path}: there is no live page of this case; {refusal}")
     linear = actual.linearisation.plant
-    links, why = chain_of(actual) if isinstance(actual, MujocoPlant) else (None, "it is given by matrices")
+    links, why = find_chain(actual) if isinstance(actual, MujocoPlant) else (None, "it is given by matrices")
     chain = None if why else links
     b = _gain(case)
     unit = replace(linear, B=linear.B / b, B_d=np.zeros((0, 0)), pushes={})
-    rate = fastest_rate(linear, law)
+    rate = find_fastest_rate(linear, law)
     longest = case.stepping.timestep if isinstance(actual, MujocoPlant) else min(COARSE, FINE / rate)
     acting, noise = _acting(case, linear)
     shown = quantities(linear)
@@ -165,7 +165,7 @@ def _gain(case: Case) -> float:
 
 
 def _start(case: Case) -> list[float]:
-    return [float(value) for value in plant_start(case.actual.linearisation.plant, case.settings)]
+    return [float(value) for value in make_plant_start(case.actual.linearisation.plant, case.settings)]
 
 
 def _positions(plant: AnyPlant) -> list[int]:
@@ -183,11 +183,11 @@ def _limits(case: Case, plant: LinearPlant) -> list[list[Any]]:
         positions = [i for i in all_sizes if i >= 0]
         sizes = np.array([all_sizes[i] for i in positions])
     else:
-        from icmj.linear.loop import positions_of
+        from icmj.linear.loop import find_positions
 
-        positions = positions_of(plant).tolist()
+        positions = find_positions(plant).tolist()
         units = [(plant.state_units or ("",) * plant.n)[i] for i in positions]
-        sizes = limits_of(limit, [plant.states[i] for i in positions], units)
+        sizes = get_limits(limit, [plant.states[i] for i in positions], units)
     return [
         [int(i), float(size), one_line(plant.states[i], 60)]
         for i, size in zip(positions, sizes, strict=True)
@@ -201,7 +201,7 @@ def _acting(case: Case, plant: LinearPlant) -> tuple[list[list[Any]], dict[str, 
     Where the run file has noise, the slider multiplies it; elsewhere it is torque of one size for all inputs, in
     proportion to what the predicted orbit, if there is one, asks of each.
     """
-    parts = acting_on(plant, case.settings)
+    parts = make_acting(plant, case.settings)
     terms = [
         [on, int(of.input[i]), *(float(each[i]) for each in (of.amplitude, of.omega, of.phase, of.start)), _end(of, i)]
         for on, of in enumerate((parts.disturbance, parts.errors))
@@ -215,7 +215,7 @@ def _acting(case: Case, plant: LinearPlant) -> tuple[list[list[Any]], dict[str, 
     for index, size in enumerate(share):
         if size > 0:
             noise = Noise(input=plant.inputs[index], size=float(size), bandwidth=BANDWIDTH, seed=index + 1)
-            terms += [[0, index, *map(float, term[:4]), None] for term in terms_of(noise)]
+            terms += [[0, index, *map(float, term[:4]), None] for term in list_terms(noise)]
     most = 1.0 if orbit is None or not np.isfinite(orbit.u_peak).all() else float(orbit.u_peak[0])
     return terms, {"own": False, "noisy": True, "most": most, "start": 0.0, "unit": (plant.input_units or ("",))[0]}
 

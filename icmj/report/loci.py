@@ -12,7 +12,7 @@ from icmj.report import style
 from icmj.report.case_runs import CaseRuns
 from icmj.report.panel import Panel
 from icmj.theory.error_system import error_system
-from icmj.theory.locus import Locus, locus
+from icmj.theory.locus import Locus, follow_locus
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,7 +103,7 @@ def shown_locus(case: CaseRuns, plant: LinearPlant) -> Locus:
     """The eigenvalues with ``plant`` in the loop, from Δ = 0 to somewhat beyond Δ_crit."""
     controller, end = case.first.controller, _last_interval(case)
     system = error_system(plant, controller.design, controller.hold, delay=controller.delay, match="position")
-    found = locus(system, end, points=POINTS)
+    found = follow_locus(system, end, points=POINTS)
     if controller.delay:
         return found  # from the delay on
     # φ(0) is the identity

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from icmj.base.array import between
+from icmj.base.array import is_between
 from icmj.case.quantity import quantities
 from icmj.report import style
 from icmj.report.case_runs import CaseRuns
@@ -59,7 +59,7 @@ def draw_spectrum(axes: Axes, case: CaseRuns, output: int) -> None:
         if result.statistics is None:
             continue
         spectrum = result.statistics.spectrum
-        drawn = (spectrum.frequency > 0) & between(spectrum.frequency, 0.0, FASTEST)
+        drawn = (spectrum.frequency > 0) & is_between(spectrum.frequency, 0.0, FASTEST)
         frequency = spectrum.frequency[drawn]
         power, low, high = (
             values[drawn, output] * shown.factor**2 for values in (spectrum.power, spectrum.low, spectrum.high)

@@ -6,7 +6,7 @@ import re
 
 from markupsafe import Markup, escape
 
-from icmj.base.text import printable
+from icmj.base.text import strip_controls
 
 _SUBSCRIPT = re.compile(
     r"(?<![A-Za-zΓ-ω_])([A-Za-zΓ-ω])_(\w+)"  # Δ_crit
@@ -60,7 +60,7 @@ def unbroken(value: object) -> object:
     """Text for the templates without control characters, and with non-breaking spaces in terms like ``b = 0.9``."""
     if not isinstance(value, str) or len(value) > _LONGEST:
         return value
-    value = Markup(printable(value)) if isinstance(value, Markup) else printable(value)
+    value = Markup(strip_controls(value)) if isinstance(value, Markup) else strip_controls(value)
     blank, joiner = "\N{NO-BREAK SPACE}", "\N{WORD JOINER}"
     joined = _TOGETHER.sub(lambda m: f"{blank}{m[1]}{blank}" if m[1] else blank, str(value))
     joined = _MAGNITUDE.sub(rf"|{joiner}\1|{joiner}", joined)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, between
+from icmj.base.array import Array, is_between
 from icmj.case.laid_orbit import beside, lay_orbit
 from icmj.case.motion import acting, curve, event_rows, latter_part, modes, output_rate, reduce_state, with_resets
 from icmj.case.noise import spread_about
@@ -111,7 +111,7 @@ def _mark_events(axes: Axes, result: PredictedResult, output: int, shown: Quanti
     simulation = result.simulation
     start, end = latter_part(simulation, SHOWN)
     rows = event_rows(simulation)
-    rows = rows[between(simulation.t[rows], start, end)]
+    rows = rows[is_between(simulation.t[rows], start, end)]
     if not len(rows):
         return
     y = simulation.y[rows, output] * shown.factor
@@ -323,7 +323,7 @@ def draw_mode_errors(axes: Axes, case: CaseRuns) -> None:
     start, end = latter_part(case.last.simulation, SHOWN_MODES)
     for plant, result in case.runs.items():
         events = result.simulation.events
-        late = between(events.t, start, end)
+        late = is_between(events.t, start, end)
         chi = modes(result, reduce_state(result, events.x[late], events.x_o[late], events.x_h[late]))[:, 0]
         error = np.maximum(np.abs(np.abs(chi) / gamma - 1), LEAST)
         axes.plot(events.t[late], error, linestyle="none", label=style.NAME[plant], **style.MARK[plant])
@@ -348,14 +348,14 @@ def _draw_modes(axes: Axes, case: CaseRuns, part: Callable[[NDArray[np.complex12
     top = case.last
     start, end = latter_part(top.simulation, SHOWN_MODES)
     events = top.simulation.events.t
-    style.event_lines(axes, events[between(events, start, end)])
+    style.event_lines(axes, events[is_between(events, start, end)])
     laid = lay_orbit(top) if case.prediction.cycle else None
     if laid is not None:
         t = laid.times(start, end)
         axes.plot(t, part(modes(top, laid.at(t, laid.reduced))), label="predicted", **style.PREDICTED)
     for plant, result in case.runs.items():
         simulation = result.simulation
-        late = between(simulation.t, start, end)
+        late = is_between(simulation.t, start, end)
         chi = modes(result, reduce_state(result, simulation.x[late], simulation.x_o[late], simulation.x_h[late]))
         axes.plot(simulation.t[late], part(chi), label=style.NAME[plant], **style.RUN[plant])
     axes.locator_params(axis="y", nbins=4, steps=[1, 2, 5, 10])

@@ -23,7 +23,7 @@ from icmj.case.motion import output_rate
 from icmj.case.quantity import quantities
 from icmj.case.result import Result
 from icmj.report.style import NAME
-from icmj.simulation.scene import Geom, Scene, frames
+from icmj.simulation.scene import Geom, Scene, select_frames
 
 if TYPE_CHECKING:
     from icmj.engine.planar_chain import Chain
@@ -58,7 +58,7 @@ def moving(run: Result) -> dict[str, Any] | None:
     """
     simulation = run.simulation
     scene = run.scene if run.scene is not None and run.scene.geoms else None
-    rows = frames(simulation.t) if scene is None else np.searchsorted(simulation.t, scene.t - 1e-8)
+    rows = select_frames(simulation.t) if scene is None else np.searchsorted(simulation.t, scene.t - 1e-8)
     rows = np.minimum(rows, len(simulation.t) - 1)[-MOST:]
     shown = quantities(run.actual)
     scale = np.array([quantity.factor for quantity in shown])

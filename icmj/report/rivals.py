@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from icmj.base.array import between, steps_in
+from icmj.base.array import count_steps, is_between
 from icmj.case.motion import curve
 from icmj.case.quantity import quantities
 from icmj.case.result import Result, has_prediction
@@ -59,7 +59,7 @@ def _rival(run: Result) -> Rival | None:
     """The controller's entry; ``None`` if the run is too short or not finite."""
     simulation, shown = run.simulation, quantities(run.actual)
     start, end = float(simulation.t[-1]) / 2, float(simulation.t[-1])
-    t = start + np.arange(steps_in((end - start) * RATE)) / RATE
+    t = start + np.arange(count_steps((end - start) * RATE)) / RATE
     if not np.isfinite(simulation.y).all() or not len(t):
         return None
     columns = zip(simulation.y.T, shown, strict=True)
@@ -79,7 +79,7 @@ def spectra_figure(group: Sequence[Rival]) -> Figure:
         largest = 0.0
         for n, rival in enumerate(group):
             found = rival.sway.spectrum
-            drawn = (found.frequency > 0) & between(found.frequency, 0.0, FASTEST_RIVAL)
+            drawn = (found.frequency > 0) & is_between(found.frequency, 0.0, FASTEST_RIVAL)
             power = found.power[drawn, i]
             largest = max(largest, float(power.max(initial=0.0)))
             axes.loglog(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from icmj.base.array import between
+from icmj.base.array import is_between
 from icmj.case.quantity import in_unit, quantities, shared_unit
 from icmj.case.result import Result
 from icmj.report import style
@@ -34,7 +34,7 @@ def run_figure(runs: Sequence[Result]) -> Figure:
     for axes in stack:
         axes.set_xlim(max(0.0, end - LONGEST), end)
         drawn = [np.asarray(line.get_xydata(), dtype=float) for line in axes.get_lines()]
-        late = np.concatenate([points[between(points[:, 0], end - LONGEST), 1] for points in drawn])
+        late = np.concatenate([points[is_between(points[:, 0], end - LONGEST), 1] for points in drawn])
         low, high = float(late.min()), float(late.max())
         if np.isfinite(high - low) and high > low:
             axes.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))

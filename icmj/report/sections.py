@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from icmj.base import numbers
-from icmj.base.array import between
+from icmj.base.array import is_between
 from icmj.base.numbers import count
 from icmj.case.quantity import in_unit, quantities, threshold_unit
 from icmj.case.result import Attractor, Result
@@ -102,7 +102,7 @@ def rms_in_words(run: Result) -> str:
 def _row(run: Result) -> dict[str, Any]:
     """RMS of every output over the second half of the run, weighted by time, and the outcome."""
     simulation, scale = run.simulation, np.array([shown.factor for shown in quantities(run.actual)])
-    late = between(simulation.t, simulation.t[-1] / 2)
+    late = is_between(simulation.t, simulation.t[-1] / 2)
     t, y = simulation.t[late], simulation.y[late]
     length = float(t[-1] - t[0])
     with np.errstate(over="ignore", invalid="ignore"):
@@ -150,7 +150,7 @@ def _of_group(group: Sequence[Rival]) -> str:
 
 def _rival_row(number: int, rival: Rival) -> dict[str, Any]:
     simulation = rival.run.simulation
-    late = simulation.events.t[between(simulation.events.t, simulation.t[-1] / 2)]
+    late = simulation.events.t[is_between(simulation.events.t, simulation.t[-1] / 2)]
     return {
         "name": f"{number}. {rival.name}",
         "rate": numbers.number(len(late) / rival.sway.duration, 3),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from icmj.base.array import between
+from icmj.base.array import is_between
 from icmj.errors import ReportError
 from icmj.measurement.sway import Sway
 from icmj.report import style
@@ -59,7 +59,7 @@ def draw_diffusion(axes: Axes, sway: Sway) -> None:
         for part in (found.short, found.long):
             if part is not None:
                 span = np.array([part.start, part.end])
-                inside = between(found.lag, part.start, part.end)
+                inside = is_between(found.lag, part.start, part.end)
                 # a line of slope 2H through the middle of what it was fitted to
                 middle = [np.log(values[inside]).mean() for values in (found.lag, found.displacement)]
                 axes.loglog(span, np.exp(middle[1] + 2 * part.H * (np.log(span) - middle[0])), **style.CRITICAL)

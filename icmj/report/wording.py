@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from icmj.base import numbers
-from icmj.base.array import between
+from icmj.base.array import is_between
 from icmj.case.quantity import quantities
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def describe_sway(result: PredictedResult) -> str:
         start, when = noisy.start, f"In the last {noisy.end - noisy.start:.3g} s, under noise"
     else:
         return ""
-    y = simulation.y[between(simulation.t, max(start, float(simulation.t[0])))]
+    y = simulation.y[is_between(simulation.t, max(start, float(simulation.t[0])))]
     shown, outputs = quantities(result.actual), result.actual.outputs
     with np.errstate(over="ignore", invalid="ignore"):
         low, high = (ends * [quantity.factor for quantity in shown] for ends in (y.min(axis=0), y.max(axis=0)))

@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from icmj.base import VERSION
-from icmj.base.text import attribute_docstrings, read_meanings
+from icmj.base.text import read_attribute_docstrings, read_meanings
 
 SCHEMA_VERSION = 2
 """Rises with every change after which a file that was valid is not any more, or means something else."""
@@ -54,5 +54,5 @@ def docstrings(model: type[BaseModel]) -> dict[str, str]:
     for cls in reversed(model.__mro__):
         made = "setting" in vars(cls) or cls.__name__ in [base.__name__ for base in cls.__bases__]
         if cls.__module__.startswith("icmj.") and not made:
-            found |= attribute_docstrings(cls)
+            found |= read_attribute_docstrings(cls)
     return {key: words for key, words in found.items() if key in model.model_fields}

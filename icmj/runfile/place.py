@@ -15,7 +15,7 @@ from icmj.errors import SimulationError
 from icmj.plant.linear_plant import ZERO
 from icmj.runfile.table import LISTED, TomlTable, make
 from icmj.simulation.sources import On, Source
-from icmj.simulation.tilt import tilt_sources
+from icmj.simulation.tilt import make_tilt_sources
 from icmj.work.own_code import Code
 
 Kind = TypeVar("Kind", bound=Source)
@@ -115,7 +115,7 @@ class PlaceTable(DisturbanceTable):
             raise SimulationError("command, force and torque do not apply to a motion of the support surface")
         found = self.source()
         if self.surface == "tilt" and found is not None:
-            yield from tilt_sources(found, self.vertical, self.vertical_rate, self.point)
+            yield from make_tilt_sources(found, self.vertical, self.vertical_rate, self.point)
         elif self.vertical or self.vertical_rate or (self.surface not in (None, "turning") and self.point):
             raise SimulationError("vertical and point apply only to a tilt of the support surface")
         elif found is not None:

@@ -35,7 +35,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from icmj.base.array import LARGEST, Finite, Matrix, Numbers
-from icmj.base.text import did_you_mean, nearest
+from icmj.base.text import find_nearest, suggest
 from icmj.errors import IcmjError
 from icmj.work.own_code import REFERENCE
 
@@ -179,11 +179,11 @@ def _words(where: _Place, error: Mapping[str, Any], annotation: Any, schema: typ
         if isinstance(got, dict) and name not in got:
             return f"{name} is missing; it is {_either([*map(repr, tags), *code])}"
         got = got.get(name) if isinstance(got, dict) else got
-        hint = did_you_mean(str(got), tags)
+        hint = suggest(str(got), tags)
         return f"{name} must be {_either([*map(repr, tags), *code])}, got {short(got)}{hint}"
     if kind == "literal_error":
         choices = [str(choice) for choice in _choices(annotation)]
-        return f"expected {_describe_allowed(annotation)}, got {short(got)}{did_you_mean(str(got), choices)}"
+        return f"expected {_describe_allowed(annotation)}, got {short(got)}{suggest(str(got), choices)}"
     return f"expected {_describe_allowed(annotation)}, got {short(got)}"
 
 
@@ -203,13 +203,13 @@ def _unknown(key: str, table: _Place, schema: type[BaseModel]) -> str:
     models = [model for model in _members(annotation) if hasattr(model, "model_fields")]
     keys = [name for model in models for name in model.model_fields]
     inner = {one: f"{name}.{one}" for model in models for name, ones in _tables(model).items() for one in ones}
-    near = did_you_mean(key, keys)
+    near = suggest(key, keys)
     if not near and table and key in inner:
         near = f"; did you mean {_path(table)}{inner[key]}?"
     if not near and any(key in names for names in _tables(schema).values()):
         homes = [f"[{name}]" for name, names in _tables(schema).items() if key in names]
         near = f"; it belongs in {' or '.join(homes)}"
-    if not near and table and (found := nearest(key, inner)):
+    if not near and table and (found := find_nearest(key, inner)):
         near = f"; did you mean {_path(table)}{inner[found]}?"
     if key == "b" and not table:
         near = "; b is actual.gain"

@@ -16,8 +16,8 @@ from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.even_rows import step_of
-from icmj.series.plates import leave_out_unloaded, loads_of
-from icmj.series.series import COUNTER, Series, place, see_names_differ
+from icmj.series.plates import find_loads, leave_out_unloaded
+from icmj.series.series import COUNTER, Series, expect_names_differ, place
 from icmj.series.units import SECONDS
 
 MOST_NUMBERS = 12_000_000  # that are read, times among them; measuring them takes a gigabyte and a half
@@ -172,9 +172,9 @@ def choose_columns(
     if not kept:
         raise DataError("no column of numbers beside the times")
     known = [names[i] for i in kept]
-    see_names_differ(known)
+    expect_names_differ(known)
     needed = [i for i in kept if names[i] == COUNTER and not units[i]]
-    loads = {kept[i]: [kept[at] for at in on] for i, on in loads_of(known, [units[i] for i in kept]).items()}
+    loads = {kept[i]: [kept[at] for at in on] for i, on in find_loads(known, [units[i] for i in kept]).items()}
     if columns:
         kept = [kept[place(known, name)] for name in columns]
     loads = {i: on for i, on in loads.items() if i in kept}

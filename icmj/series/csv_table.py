@@ -399,7 +399,7 @@ def _sort_columns(
     return tuple(numeric), tuple(texts), faults
 
 
-def missing_words() -> list[str]:
+def list_missing_words() -> list[str]:
     """What stands for a missing number, in each way of writing it."""
     return sorted({way for word in MISSING for way in (word, word.upper(), word.title(), _camel(word))})
 

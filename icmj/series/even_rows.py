@@ -10,7 +10,7 @@ from icmj.base.array import Array
 from icmj.base.numbers import count
 from icmj.errors import DataError
 from icmj.series.interpolation import CLOSE, piecewise
-from icmj.series.series import EVEN, Series, steady
+from icmj.series.series import EVEN, Series, is_steady
 
 MOST_ROWS = 5e6  # of an even series; measuring two signals of so many takes a gigabyte and a half
 LARGEST, LONGEST = 1e50, 1e12  # of a value, whatever its unit; of a step [s], and of its inverse
@@ -21,20 +21,20 @@ _EDGE = 15  # rows by which a filter continues a record at its ends, SciPy's own
 _ROUGH = 0.25  # of a step: rounding to few digits leaves the mean rate as it is; a lost row moves others by half a step
 
 
-def evenly(t: Array, values: Array, step: float | None = None) -> tuple[Array, Array]:
+def resample(t: Array, values: Array, step: float | None = None) -> tuple[Array, Array]:
     """Smooth signals at even times, by a cubic spline through their rows.
 
     Args:
         t: times of the rows [s], rising, shape (N,), N > 1.
         values: shape (N, w).
-        step: between the times [s]; that of the rows by default (:func:`row_step`).
+        step: between the times [s]; that of the rows by default (:func:`measure_row_step`).
 
     Returns:
         times (M,) and values (M, w).
     """
     from scipy.interpolate import CubicSpline
 
-    usual = row_step(t)
+    usual = measure_row_step(t)
     step = usual if step is None else step
     kept = np.concatenate([[True], np.diff(t) > CLOSE * usual])
     even = t[0] + step * np.arange(int((t[kept][-1] - t[0]) / step + EVEN) + 1)
@@ -43,7 +43,7 @@ def evenly(t: Array, values: Array, step: float | None = None) -> tuple[Array, A
     return even, CubicSpline(t[kept], values[kept])(even)
 
 
-def row_step(t: Array) -> float:
+def measure_row_step(t: Array) -> float:
     """The step of rows [s], from as many of them as there are, because single times are rounded.
 
     Of rows that are even but for rounding, and for lost ones, it is what all take together; of others their usual
@@ -67,13 +67,13 @@ def expect_rate(series: Series, rate: float | None) -> Series:
     Raises:
         DataError: if they are not, as the rate of a file with times is not for others to say.
     """
-    own = 1 / row_step(series.t) if len(series) > 1 else rate
+    own = 1 / measure_row_step(series.t) if len(series) > 1 else rate
     if rate is not None and own is not None and abs(own / rate - 1) > EVEN:
         raise DataError(f"has times, of {own:.6g} rows a second, where a rate of {rate:g} Hz was said; leave it out")
     return series
 
 
-def even_series(series: Series, rate: float | None = None) -> Series:
+def resample_series(series: Series, rate: float | None = None) -> Series:
     """``series`` at even times: as it is where its times are even already, else by a cubic spline through its rows.
 
     Rows within half a second of its beginning or end in which values are missing are left out, which the fact ``ends``
@@ -105,20 +105,20 @@ def even_series(series: Series, rate: float | None = None) -> Series:
         )
     mean = float(series.t[-1] - series.t[0]) / (len(series) - 1)
     off = np.abs(series.t - (series.t[0] + mean * np.arange(len(series)))).max()
-    step = row_step(series.t) if rate is None else step_of(rate, float(series.t[-1] - series.t[0]))
+    step = measure_row_step(series.t) if rate is None else step_of(rate, float(series.t[-1] - series.t[0]))
     if off <= EVEN * mean and abs(step - mean) * (len(series) - 1) <= EVEN * max(step, mean):
         return replace(series, t=series.t[0] + mean * np.arange(len(series)))
     slower = ""
     if len(series.jumps):
         t = series.t[0] + step * np.arange(int((series.t[-1] - series.t[0]) / step + EVEN) + 1)
         t = np.minimum(t, series.t[-1])
-        values = piecewise(series.t, series.values, t, jumps=series.jumps, steady=steady(series.names))
+        values = piecewise(series.t, series.values, t, jumps=series.jumps, steady=is_steady(series.names))
     else:
-        t, values, own = series.t, series.values, row_step(series.t)
+        t, values, own = series.t, series.values, measure_row_step(series.t)
         if step > (1 + EVEN) * own:
-            t, values = evenly(t, values, own)
+            t, values = resample(t, values, own)
             values, slower = _hold_back(values, PASSED * own / step), f", below {PASSED / step:.4g} Hz"
-        t, values = evenly(t, values, step)
+        t, values = resample(t, values, step)
     facts = {**series.facts, "resampled": f"cubic spline at {1 / step:.6g} Hz{slower}"}
     return replace(series, t=t, values=values, facts=facts)
 

@@ -120,7 +120,7 @@ def _by_pieces(t: Array, values: Array, at: Array, jumps: Array, after: Array, b
     return result
 
 
-def snap(times: Array, instants: Array) -> Array:
+def snap_rows(times: Array, instants: Array) -> Array:
     """Times of rows, of which one that is an instant but for rounding is exactly that; both rising."""
     if not len(instants):
         return times

@@ -10,7 +10,7 @@ import numpy as np
 
 from icmj.series.c3d_reader import LEAST_LOAD
 from icmj.series.series import Series
-from icmj.series.units import QUANTITIES, factor_of
+from icmj.series.units import QUANTITIES, find_factor
 
 # of names in small letters, without what separates their parts; what is left of one tells the plate
 _LOAD = re.compile(
@@ -22,7 +22,7 @@ _CENTRE = re.compile(
 )
 
 
-def loads_of(names: Sequence[str], units: Sequence[str]) -> dict[int, tuple[int, ...]]:
+def find_loads(names: Sequence[str], units: Sequence[str]) -> dict[int, tuple[int, ...]]:
     """The vertical forces of the plates that each centre of pressure is of, by their places among some columns.
 
     Those whose names leave the same when the quantity is taken away (``plate1.cop.x`` and ``plate1.force.z``, ``COPx1``
@@ -53,7 +53,7 @@ def leave_out_unloaded(series: Series, loads: Mapping[str, Sequence[str]]) -> Se
     values, said = series.values.copy(), dict[str, None]()
     for name, on in loads.items():
         unit = {force: series.units[series.names.index(force)] for force in on}
-        size = [factor_of(unit[force], "force", force) if unit[force] else 1.0 for force in on]
+        size = [find_factor(unit[force], "force", force) if unit[force] else 1.0 for force in on]
         load = np.abs(series.values[:, [series.names.index(force) for force in on]] @ np.diag(size)).sum(axis=1)
         under = load < LEAST_LOAD  # a force that is missing tells nothing
         which = " + ".join(on)

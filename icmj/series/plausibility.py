@@ -13,7 +13,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.series.series import Series
-from icmj.series.units import QUANTITIES, canonical
+from icmj.series.units import QUANTITIES, canonicalise
 
 SENTINELS = (99.0, 999.0, 9999.0, 99999.0, 999999.0)
 """Sizes of numbers that exporters write where there is no value."""
@@ -32,10 +32,10 @@ _AT_ONCE = 0.1  # s of a jump that a filter has made wider
 _FORCE = re.compile(r"(.*[\W_\d])?(f|grf|force)[\W_]*\d*[\W_]*[xyz]?\d*", re.IGNORECASE)
 
 
-def doubt(series: Series) -> Series:
+def note_oddities(series: Series) -> Series:
     """The series, with what is odd about its values among its facts (``odd``)."""
     said: dict[str, list[str]] = {}  # names by what is said of them
-    for name, unit, column in zip(series.names, map(canonical, series.units), series.values.T, strict=True):
+    for name, unit, column in zip(series.names, map(canonicalise, series.units), series.values.T, strict=True):
         known = np.isfinite(column)
         t, values = series.t[known], column[known]
         words = [*_named_otherwise(name, unit), *_oddities(values, unit)]
@@ -48,7 +48,7 @@ def doubt(series: Series) -> Series:
     return replace(series, facts={**series.facts, "odd": "; ".join(told)}) if told else series
 
 
-def longest_still(t: Array, values: Array) -> tuple[float, float]:
+def measure_longest_still(t: Array, values: Array) -> tuple[float, float]:
     """How long a signal keeps one value at the most [s], between others, and since when [s]."""
     edges = np.concatenate([[0], 1 + np.flatnonzero(np.diff(values) != 0), [len(values)]])
     lasts = t[edges[1:] - 1] - t[edges[:-1]]
@@ -85,7 +85,7 @@ def _stuck(t: Array, values: Array) -> Iterator[str]:
     moving = np.flatnonzero(np.diff(values) != 0)
     inner = slice(moving[0] + 1, moving[-1] + 1) if len(moving) else slice(0)
     if len(t[inner]) and 2 * len(moving) > len(t):
-        lasts, since = longest_still(t[inner], values[inner])
+        lasts, since = measure_longest_still(t[inner], values[inner])
         if lasts > STUCK:
             yield f"one value for {lasts:.2g} s from {since:.6g} s on, as where a gap is filled or a sensor at its end"
 

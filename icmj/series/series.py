@@ -82,7 +82,7 @@ class Series(WithCard):
                 f"times {t.shape}, values {values.shape}, {len(names)} names and {len(units)} units do not fit; "
                 "expected (N,), (N, w), w and w"
             )
-        see_names_differ(names)
+        expect_names_differ(names)
         wrong = np.flatnonzero(~(np.diff(t) > 0))  # where one is not a number, too
         if len(wrong) or not np.isfinite(t[:1]).all() or not np.isfinite(t[-1:]).all():
             at = int(wrong[0]) + 1 if len(wrong) else 0
@@ -178,12 +178,12 @@ class Series(WithCard):
         Raises:
             DataError: if xarray is not installed.
         """
-        return dataset(self.t, self.values, self.names, self.units, self.facts, along)
+        return make_dataset(self.t, self.values, self.names, self.units, self.facts, along)
 
     @property
     def headers(self) -> tuple[str, ...]:
         """``t [s]`` and each name with its unit, such as ``ankle [rad]``; only the name if there is no unit."""
-        return ("t [s]", *(header(name, unit) for name, unit in zip(self.names, self.units, strict=True)))
+        return ("t [s]", *(format_header(name, unit) for name, unit in zip(self.names, self.units, strict=True)))
 
 
 def _rises(count: Array) -> np.ndarray:
@@ -193,7 +193,7 @@ def _rises(count: Array) -> np.ndarray:
     return rises & bool(whole and 2 * rises.sum() < len(count))  # else it numbers the rows themselves
 
 
-def steady(names: Sequence[str]) -> np.ndarray:
+def is_steady(names: Sequence[str]) -> np.ndarray:
     """Mask of the names of signals that bend where an input jumps, and do not jump."""
     return np.array([name.split(".")[0] in STEADY for name in names], dtype=bool)
 
@@ -215,7 +215,7 @@ def place(names: Sequence[str], name: str) -> int:
     raise DataError(f"no column {name!r}; expected one of {known}")
 
 
-def see_names_differ(names: Sequence[str]) -> None:
+def expect_names_differ(names: Sequence[str]) -> None:
     """Check that the names of signals differ.
 
     Raises:
@@ -226,12 +226,12 @@ def see_names_differ(names: Sequence[str]) -> None:
         raise DataError(f"several signals are called {', '.join(twice)}; give each a name of its own")
 
 
-def header(name: str, unit: str) -> str:
+def format_header(name: str, unit: str) -> str:
     """``ankle [rad]``, or the name alone without a unit."""
     return f"{name} [{unit}]" if unit else name
 
 
-def dataset(
+def make_dataset(
     t: Array, values: Array, names: Sequence[str], units: Sequence[str], facts: Mapping[str, str], along: str
 ) -> Dataset:
     """The dataset; see :meth:`icmj.series.series.Series.to_xarray`."""

@@ -35,21 +35,21 @@ _SHOWN = {"angle": ("rad", "deg"), "length": ("m", "cm", "mm"), "force": ("N", "
 _PRODUCT = str.maketrans("", "", " ·⋅*.×")
 
 
-def canonical(unit: str) -> str:
+def canonicalise(unit: str) -> str:
     """A unit without blanks and signs of multiplication."""
     return unit.translate(_PRODUCT)
 
 
 def is_unit(words: str) -> bool:
     """Whether a field of a table is a unit, in brackets or not, or empty, as below a name without a unit."""
-    plain = canonical(words.strip("[]() "))
+    plain = canonicalise(words.strip("[]() "))
     known = plain.lower() in SECONDS or plain.lower() in _OTHERS or not plain
     return known or any(
         plain.removesuffix(rate) in units and plain.endswith(rate) for units in QUANTITIES.values() for rate in _RATES
     )
 
 
-def factor_of(unit: str, quantity: str, name: str) -> float:
+def find_factor(unit: str, quantity: str, name: str) -> float:
     """What one ``unit`` of a quantity is in SI; ``N·mm``, ``N mm`` and ``Nmm`` are one unit.
 
     Args:
@@ -64,7 +64,7 @@ def factor_of(unit: str, quantity: str, name: str) -> float:
         >>> factor_of("N·mm", "torque", "ankle")
         0.001
     """
-    known = QUANTITIES[quantity].get(canonical(unit))
+    known = QUANTITIES[quantity].get(canonicalise(unit))
     if known is None:
         said = f"is in {one_line(unit, 40)!r}" if unit else "has no unit"
         shown = _SHOWN[quantity]
@@ -72,12 +72,12 @@ def factor_of(unit: str, quantity: str, name: str) -> float:
     return known
 
 
-def in_si(series: Series, *quantities: str) -> Series:
+def convert_to_si(series: Series, *quantities: str) -> Series:
     """Signals in rad, m, N or N m, one quantity for each.
 
     Raises:
         DataError: if a signal has no unit, or one of another quantity.
     """
     given = list(zip(series.units, quantities, series.names, strict=True))
-    values = series.values * [factor_of(*one) for one in given]
+    values = series.values * [find_factor(*one) for one in given]
     return replace(series, values=values, units=tuple(_SHOWN[quantity][0] for _, quantity, _ in given))

@@ -29,7 +29,7 @@ class Block:
         return tuple(f"{self.kind}.{name}" if self.kind else name for name in self.bare)
 
 
-def columns(
+def look_up_columns(
     kind: str, names: tuple[str, ...], units: tuple[str, ...], values: Array, after: Array | None = None
 ) -> Block:
     """The columns of ``values``, with numbers for names that are not known."""

@@ -17,13 +17,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, since
+from icmj.base.array import Array, at_or_after
 from icmj.controller.controller import has_trigger
 from icmj.controller.law import Law
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant, Push
-from icmj.series.interpolation import snap
-from icmj.simulation.grid import at_times
+from icmj.series.interpolation import snap_rows
+from icmj.simulation.grid import interpolate_at
 from icmj.simulation.settings import Settings
 from icmj.simulation.sinusoids import Waves
 from icmj.simulation.sources import Bias, Gaussian, Gridded, Impulse, Noise, Placed, Sinusoids, Source
@@ -81,25 +81,29 @@ class Disturbance:
         t = np.asarray(t, dtype=float)
         found = self._of_terms(t)
         for index, noise in self.gaussian:
-            found[..., index] += at_times(noise, t)
+            found[..., index] += interpolate_at(noise, t)
         return found
 
     def beside(self, t: Array, u: Array) -> Array:
         """All of d(t) beside the commands ``u`` at these times, shapes (N,), (N, n_u) → (N, n_u)."""
         found = self(t)
         for index, noise in self.shares:
-            found[:, index] += at_times(noise, t) * u[:, index]
+            found[:, index] += interpolate_at(noise, t) * u[:, index]
         return found
 
     def at_rows(self, t: Array, u: Array) -> Array:
         """The same at rows, of which one that is an edge but for rounding is exactly that."""
-        return self.beside(snap(t, self.edges), u)
+        return self.beside(snap_rows(t, self.edges), u)
 
     def _of_terms(self, t: Array) -> Array:
         if t.ndim == 1 and len(t) * len(self.input) > _MANY and np.all(t[1:] >= t[:-1]):
             return self._at_many(t)
         t = t[..., None]
-        terms = self.amplitude * np.cos(self.omega * t + self.phase) * (since(t, self.start) & ~since(t, self.end))
+        terms = (
+            self.amplitude
+            * np.cos(self.omega * t + self.phase)
+            * (at_or_after(t, self.start) & ~at_or_after(t, self.end))
+        )
         return terms @ (self.input[:, None] == np.arange(self.n_u)).astype(float)
 
     def _at_many(self, t: Array) -> Array:
@@ -110,12 +114,12 @@ class Disturbance:
             these = order[(windows == (start, end)).all(axis=1)]
             signal, amplitude, omega, phase = (of[these] for of in (self.input, self.amplitude, self.omega, self.phase))
             waves = Waves(signal, amplitude, omega, phase, self.n_u)
-            acts = since(t, start) & ~since(t, end)
+            acts = at_or_after(t, start) & ~at_or_after(t, end)
             found[acts] += waves(t[acts])
         return found
 
 
-def no_disturbance(n_u: int) -> Disturbance:
+def make_no_disturbance(n_u: int) -> Disturbance:
     """d(t) = 0."""
     return _from_terms(n_u, [])
 
@@ -136,14 +140,14 @@ class Pushes:
         return len(self.places)
 
 
-def pushes_of(settings: Settings) -> Pushes:
+def make_pushes(settings: Settings) -> Pushes:
     """p(t): the forces on the plant itself, summed for each place."""
     places, terms = settings.pushes, []
     gaussian: list[tuple[int, Gridded]] = []
     for source in settings.disturbance:
         if isinstance(source, Placed) and source.push is not None:
             place = places.index(source.push)
-            terms += [(place, *term) for term in terms_of(source)]
+            terms += [(place, *term) for term in list_terms(source)]
             gaussian += [(place, source)] if isinstance(source, Gridded) else []
     return Pushes(places, _from_terms(len(places), terms, gaussian))
 
@@ -178,7 +182,7 @@ class Acting(NamedTuple):
         return np.concatenate([self.disturbance.omega, self.errors.omega, self.pushes.size.omega])
 
 
-def acting_on(plant: LinearPlant, settings: Settings, controller: Law | None = None) -> Acting:
+def make_acting(plant: LinearPlant, settings: Settings, controller: Law | None = None) -> Acting:
     """The exogenous inputs that the settings define, for a plant with these inputs and outputs.
 
     Raises:
@@ -188,13 +192,13 @@ def acting_on(plant: LinearPlant, settings: Settings, controller: Law | None = N
     sources = settings.disturbance
     if controller is not None:
         expect_held(controller, settings)
-    errors = reading_error_of(sources, plant.outputs)
+    errors = make_reading_error(sources, plant.outputs)
     if controller is not None and len(signals := controller.realisation.signals):
         known = [errors.input, errors.amplitude, errors.omega, errors.phase, errors.start, errors.end]
         own = signals + np.array([plant.n_y, 0, 0, 0, 0, 0])
         terms = np.vstack([np.column_stack(known), own])
         errors = _from_terms(controller.realisation.N.shape[1], terms, errors.gaussian)
-    return Acting(disturbance_of(sources, plant.inputs), errors, pushes_of(settings))
+    return Acting(make_disturbance(sources, plant.inputs), errors, make_pushes(settings))
 
 
 def expect_held(law: Law, settings: Settings) -> None:
@@ -211,7 +215,7 @@ def expect_held(law: Law, settings: Settings) -> None:
         )
 
 
-def disturbance_of(sources: Sequence[Source], inputs: Sequence[str]) -> Disturbance:
+def make_disturbance(sources: Sequence[Source], inputs: Sequence[str]) -> Disturbance:
     """d(t): those of these sources that act beside commands, for a plant whose inputs have these names.
 
     Noise is a multisine: sinusoids of equal power, one in each of as many bands, which split the spectrum into parts of
@@ -225,7 +229,7 @@ def disturbance_of(sources: Sequence[Source], inputs: Sequence[str]) -> Disturba
     return _sum([(source, source.input) for source in beside], inputs, "input")
 
 
-def reading_error_of(sources: Sequence[Source], outputs: Sequence[str]) -> Disturbance:
+def make_reading_error(sources: Sequence[Source], outputs: Sequence[str]) -> Disturbance:
     """n(t): those of these sources that act on outputs, for a plant whose outputs have these names.
 
     Raises:
@@ -238,14 +242,14 @@ def reading_error_of(sources: Sequence[Source], outputs: Sequence[str]) -> Distu
     )
 
 
-def realised(noise: Noise, end: float) -> tuple[float, float]:
+def measure_realisation(noise: Noise, end: float) -> tuple[float, float]:
     """Mean and standard deviation of this realisation from its start to ``end`` [its unit]."""
-    drawn = _from_terms(1, [(0, *term) for term in terms_of(noise)])
+    drawn = _from_terms(1, [(0, *term) for term in list_terms(noise)])
     values = drawn(np.linspace(noise.start, end, _FINE, endpoint=False))[:, 0]
     return float(values.mean()), float(values.std())
 
 
-def expected(noise: Noise, end: float) -> tuple[float, float]:
+def bound_realisation(noise: Noise, end: float) -> tuple[float, float]:
     """Interval that contains the standard deviation from start to ``end`` for 95 % of all seeds [its unit]."""
     edge = noise.bandwidth if noise.corner is None else noise.corner
     assert edge is not None
@@ -261,7 +265,7 @@ def _expect_spread(flat: bool, periods: float, terms: int) -> tuple[float, float
     spread = []
     for seed in range(_SEEDS):
         noise = Noise(input="u", size=1.0, seed=seed, terms=terms, **edge)  # type: ignore[arg-type]
-        spread.append(_from_terms(1, [(0, *term) for term in terms_of(noise)])(t)[:, 0].std())
+        spread.append(_from_terms(1, [(0, *term) for term in list_terms(noise)])(t)[:, 0].std())
     low, high = np.quantile(spread, [0.025, 0.975])
     return float(low), float(high)
 
@@ -274,14 +278,14 @@ def _sum(sources: Sequence[tuple[Source, str | None]], names: Sequence[str], wha
             continue
         if name not in names:
             raise SimulationError(f"disturbance on {what} {name!r}: the plant's {what}s are {', '.join(names)}")
-        terms += [(names.index(name), *term) for term in terms_of(source)]
+        terms += [(names.index(name), *term) for term in list_terms(source)]
         gaussian += [(names.index(name), source)] if isinstance(source, Gridded) else []
     shares = tuple((at, noise) for at, noise in gaussian if isinstance(noise, Gaussian) and noise.share)
     alone = [(at, noise) for at, noise in gaussian if not (isinstance(noise, Gaussian) and noise.share)]
     return replace(_from_terms(len(names), terms, alone), shares=shares)
 
 
-def terms_of(source: Source) -> list[tuple[float, ...]]:
+def list_terms(source: Source) -> list[tuple[float, ...]]:
     """(a, ω, φ, start, end) of every term; what is given on a grid has none."""
     if isinstance(source, Gridded):
         return []
@@ -311,4 +315,4 @@ def _from_terms(
     return Disturbance(n_u, index.astype(int), amplitude, omega, phase, start, end, tuple(gaussian))
 
 
-NO_PUSHES = Pushes((), no_disturbance(0))
+NO_PUSHES = Pushes((), make_no_disturbance(0))

@@ -33,24 +33,24 @@ class Outcome:
     message: str
 
 
-def fell(t: float, state: str, limit: float, unit: str = "") -> Outcome:
+def end_fallen(t: float, state: str, limit: float, unit: str = "") -> Outcome:
     """A position departed further than its limit."""
     return Outcome(
         "fell", t, f"fell at {t:.6g} s: {state} departed further than its limit of {limit:g} {unit}".rstrip()
     )
 
 
-def diverged(t: float, why: str) -> Outcome:
+def end_diverged(t: float, why: str) -> Outcome:
     """The outcome of a run whose numbers are not finite, or in which the engine failed."""
     return Outcome("diverged", t, f"diverged at {t:.6g} s: {why}")
 
 
-def interrupted(t: float, duration: float) -> Outcome:
+def end_interrupted(t: float, duration: float) -> Outcome:
     """The outcome of a run that the user interrupted."""
     return Outcome("interrupted", t, f"was interrupted at {t:.6g} s of {duration:g} s")
 
 
-def stalled(t: float, took: float | None = None) -> Outcome:
+def end_stalled(t: float, took: float | None = None) -> Outcome:
     """The outcome of a run in which too many events occur in too little time, ``took`` [s]; or too many switches."""
     if took is None:
         return Outcome(
@@ -83,7 +83,7 @@ class EventPace:
         return took if took < self._least else None
 
 
-def ran(duration: float, intervals: Array, delta_min: float) -> Outcome:
+def end_complete(duration: float, intervals: Array, delta_min: float) -> Outcome:
     """The outcome of a run that reached its end: completed, or sliding if its last :data:`SLIDING` intervals are Δ_min.
 
     Args:

@@ -12,14 +12,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from icmj.base.array import Array, since
+from icmj.base.array import Array, at_or_after
 from icmj.simulation.sources import Gaussian, Gridded, Sampled
 
 _SAME = 1e-9  # of an interval: points of a grid nearer to an edge are that edge
 _BLOCK, _BLOCKS = 256, 16  # points that are worked out at once: as many whatever the run's length, to the last bit
 
 
-def at_points(source: Gridded, first: int, last: int) -> Array:
+def draw_at_points(source: Gridded, first: int, last: int) -> Array:
     """The values at points ``first`` to ``last`` − 1 of its grid, counted from zero [its unit, or of a command: 1]."""
     if isinstance(source, Sampled):
         held = source.at_points
@@ -30,18 +30,18 @@ def at_points(source: Gridded, first: int, last: int) -> Array:
     return (source.share or source.size) * values
 
 
-def at_times(source: Gridded, t: Array) -> Array:
+def interpolate_at(source: Gridded, t: Array) -> Array:
     """The value of the noise at any times [s], zero before its start."""
     if not t.size:
         return np.zeros(t.shape)
     place = np.maximum(t, 0) / source.interval
     point = np.floor(place).astype(int)
-    values = at_points(source, 0, int(point.max()) + 2)
+    values = draw_at_points(source, 0, int(point.max()) + 2)
     between = values[point] + (place - point) * (values[point + 1] - values[point])
-    return np.asarray(np.where(since(t, source.start), between, 0.0))
+    return np.asarray(np.where(at_or_after(t, source.start), between, 0.0))
 
 
-def lines(sources: Sequence[Gridded], duration: float) -> tuple[Array, Array]:
+def list_lines(sources: Sequence[Gridded], duration: float) -> tuple[Array, Array]:
     """Disturbances in a run of ``duration`` [s] as straight lines, on stretches that all share.
 
     Returns:
@@ -49,12 +49,12 @@ def lines(sources: Sequence[Gridded], duration: float) -> tuple[Array, Array]:
         each source there, shape (K, S, 2).
     """
     starts = np.unique([source.start for source in sources if 0 < source.start < duration])
-    begins = np.append(0.0, points_between(starts, sources, duration))
+    begins = np.append(0.0, list_points(starts, sources, duration))
     after = begins[-1] + 1e-3 * min(source.interval for source in sources)  # in the same interval as the last begin
     middle, found = begins + np.diff(begins, append=after) / 2, np.zeros((len(begins), len(sources), 2))
     for number, source in enumerate(sources):
         point = np.floor(middle / source.interval).astype(int)
-        values = at_points(source, 0, int(point.max(initial=0)) + 2)
+        values = draw_at_points(source, 0, int(point.max(initial=0)) + 2)
         slope = np.where(middle >= source.start, np.diff(values)[point] / source.interval, 0.0)
         found[:, number, 1] = slope
         there = np.where(middle >= source.start, values[point], 0.0)
@@ -94,17 +94,17 @@ def _left(a: float) -> Array:
     return np.where(since >= 0, (a ** order.astype(float))[np.abs(since)], 0.0)
 
 
-def points_of(source: Gridded, duration: float) -> int:
+def count_points(source: Gridded, duration: float) -> int:
     """Number of points of its grid that a run of ``duration`` [s] takes, one beyond the end with it."""
     return int(duration / source.interval * (1 + 1e-12)) + 2
 
 
-def points_between(edges: Array, noises: Sequence[Gridded], duration: float) -> Array:
+def list_points(edges: Array, noises: Sequence[Gridded], duration: float) -> Array:
     """The points of the finest of these grids in a run, where they bend, among ``edges``; rising [s]."""
     if not noises:
         return edges
     finest = min(noises, key=lambda noise: noise.interval)
-    points = finest.interval * np.arange(1, points_of(finest, duration) - 1)
+    points = finest.interval * np.arange(1, count_points(finest, duration) - 1)
     place = np.searchsorted(edges, points)
     beside = np.r_[-np.inf, edges, np.inf]
     alone = np.minimum(points - beside[place], beside[place + 1] - points) > _SAME * finest.interval

@@ -31,7 +31,7 @@ class Labels:
 UNKNOWN = Labels()
 
 
-def labels_of(actual: LinearPlant, assumed: LinearPlant | None = None) -> Labels:
+def make_labels(actual: LinearPlant, assumed: LinearPlant | None = None) -> Labels:
     """The labels of a run of ``actual`` under a controller whose observer believes in ``assumed``, if it has one."""
     return Labels(
         actual.states,
@@ -45,19 +45,19 @@ def labels_of(actual: LinearPlant, assumed: LinearPlant | None = None) -> Labels
     )
 
 
-def loop_signals(actual: LinearPlant, assumed: LinearPlant, *segments: str) -> dict[str, list[str]]:
+def name_loop_signals(actual: LinearPlant, assumed: LinearPlant, *segments: str) -> dict[str, list[str]]:
     """Names of inputs, outputs and states of a closed loop for python-control.
 
     Inputs are d_<input> and n_<output>, outputs <output> and u_<input>, states those of the plant, then for each
     segment of the controller, such as x_o, x_o_<state>.
     """
     return {
-        "inputs": plain_names([*(f"d_{name}" for name in actual.inputs), *(f"n_{name}" for name in actual.outputs)]),
-        "outputs": plain_names([*actual.outputs, *(f"u_{name}" for name in actual.inputs)]),
-        "states": plain_names([*actual.states, *(f"{part}_{name}" for part in segments for name in assumed.states)]),
+        "inputs": as_plain_names([*(f"d_{name}" for name in actual.inputs), *(f"n_{name}" for name in actual.outputs)]),
+        "outputs": as_plain_names([*actual.outputs, *(f"u_{name}" for name in actual.inputs)]),
+        "states": as_plain_names([*actual.states, *(f"{part}_{name}" for part in segments for name in assumed.states)]),
     }
 
 
-def plain_names(names: Iterable[str]) -> list[str]:
+def as_plain_names(names: Iterable[str]) -> list[str]:
     """Names without points, which python-control reserves."""
     return [name.replace(".", "_") for name in names]

@@ -37,7 +37,7 @@ class OpenLoopInterval:
     outcome: Outcome | None
 
 
-def one_in_flight(controller: Controller) -> None:
+def expect_one_in_flight(controller: Controller) -> None:
     """Refuse loops whose state at an event is more than x, x_o and x_h: a clock faster than the delay, signals.
 
     Raises:

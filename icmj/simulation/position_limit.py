@@ -18,7 +18,7 @@ UNITS: Mapping[str, float] = {
 """One radian, or one metre, in units of angle and length."""
 
 
-def limits_of(limit: Limit, positions: Sequence[str], units: Sequence[str]) -> Array:
+def get_limits(limit: Limit, positions: Sequence[str], units: Sequence[str]) -> Array:
     """The deviation that each position may have [its own unit]; infinite if there is no limit.
 
     Args:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from icmj.base.array import Array, between
+from icmj.base.array import Array, is_between
 
 _MOVES = 1e-9  # m: an axis along which the centre moves less is not shown
 
@@ -39,7 +39,7 @@ class Pressure:
 
     def since(self, t: float) -> Pressure:
         """The rows and events from ``t`` on, to leave out the beginning."""
-        late, after = between(self.t, t), between(self.t_after, t)
+        late, after = is_between(self.t, t), is_between(self.t_after, t)
         return replace(
             self,
             t=self.t[late], centre=self.centre[late], load=self.load[late],

@@ -10,7 +10,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.controller.controller import Controller
 from icmj.controller.law import Law
-from icmj.series.interpolation import NEAR, snap
+from icmj.series.interpolation import NEAR, snap_rows
 from icmj.simulation.disturbance import Acting
 
 
@@ -52,7 +52,7 @@ def part_rows(t: Array, u: Array) -> tuple[np.ndarray, Array]:
     return ~(second | first), np.column_stack([t, u])[second]
 
 
-def edges_of(acting: Acting, law: Law) -> Array:
+def list_edges(acting: Acting, law: Law) -> Array:
     """Instants at which a motion jumps or bends by what is given: rising, positive and finite [s].
 
     There what acts, or a signal of the controller's own, begins, ends or jumps, or the controller reads that later, as
@@ -68,6 +68,6 @@ def edges_of(acting: Acting, law: Law) -> Array:
 
 def collect_drives(controller: Law, acting: Acting, t: Array) -> dict[str, Any]:
     """Optional fields of a run at its rows: the set-point, pushes, and when what is given jumps."""
-    pushes, end, edges = acting.pushes, float(t[-1]), edges_of(acting, controller)
-    pushed = {"pushes": pushes.places, "pushed": pushes.size(snap(t, edges))} if len(pushes) else {}
+    pushes, end, edges = acting.pushes, float(t[-1]), list_edges(acting, controller)
+    pushed = {"pushes": pushes.places, "pushed": pushes.size(snap_rows(t, edges))} if len(pushes) else {}
     return {"setpoint": controller.setpoint, "edges": edges[edges <= end + NEAR], **pushed}

@@ -54,7 +54,7 @@ class Scene:
     magnified_target: Array | None = None
 
 
-def frames(t: Array) -> np.ndarray:
+def select_frames(t: Array) -> np.ndarray:
     """Indices of the rows to show as frames, one in every :data:`FRAME` seconds, and the last."""
     picked = np.unique(np.floor(t / FRAME + 1e-6), return_index=True)[1]
     return np.union1d(picked, len(t) - 1)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, instants
+from icmj.base.array import Array, list_multiples
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import amount, amounts, count
 from icmj.controller.controller import Controller
@@ -20,8 +20,8 @@ from icmj.controller.setpoint import Setpoint
 from icmj.plant.linear_plant import Push
 from icmj.plant.quality import Notice
 from icmj.series.even_rows import step_of
-from icmj.series.interpolation import NEAR, piecewise, snap
-from icmj.series.series import COUNTER, Series, steady
+from icmj.series.interpolation import NEAR, piecewise, snap_rows
+from icmj.series.series import COUNTER, Series, is_steady
 from icmj.simulation.ending import Outcome
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
-from icmj.simulation.columns import Block, columns
+from icmj.simulation.columns import Block, look_up_columns
 from icmj.simulation.labels import UNKNOWN, Labels
 from icmj.simulation.pressure import Pressure
 
@@ -127,7 +127,7 @@ class Simulation(WithCard):
     @property
     def r(self) -> Array:
         """The set-point at the rows, shape (N, R); (N, 0) if there is none."""
-        return self.setpoint(snap(self.t, self.setpoint.edges)) if self.setpoint else np.zeros((len(self.t), 0))
+        return self.setpoint(snap_rows(self.t, self.setpoint.edges)) if self.setpoint else np.zeros((len(self.t), 0))
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
@@ -182,7 +182,7 @@ class Simulation(WithCard):
         if rate is None:
             t = self.t
         else:
-            t = instants(step_of(rate, float(self.t[-1])), float(self.t[-1]))
+            t = list_multiples(step_of(rate, float(self.t[-1])), float(self.t[-1]))
             after = np.concatenate([block.right_after(len(self.resets)) for block in blocks], axis=1)
             values = self.interpolate(names, values, t, after, breaks)
             if self.setpoint:
@@ -205,7 +205,7 @@ class Simulation(WithCard):
             breaks: further times across which nothing is interpolated [s].
         """
         kinds, resets = np.array([name.split(".")[0] for name in names]), self.resets
-        bends, after = steady(names), np.full((len(resets), len(names)), np.nan) if after is None else after
+        bends, after = is_steady(names), np.full((len(resets), len(names)), np.nan) if after is None else after
         held, error = np.isin(kinds, ("u", "x_h")) & (self.x_o.shape[1] > 0), kinds == "E"
         if self.control == "continuous":  # whose hold is the observer; the set-point moves its commands at once
             steady_held = held & ((kinds == "x_h") | (self.setpoint is None))
@@ -268,12 +268,12 @@ class Simulation(WithCard):
         """One row for each event: Δ_i, states before the reset, and extremes of outputs since the previous event."""
         events, labels = self.events, self.labels
         blocks = [
-            columns("", ("interval",), ("s",), events.interval[:, None]),
-            columns("x", labels.states, labels.state_units, events.x),
-            columns("x_o", labels.assumed, labels.assumed_units, events.x_o),
-            columns("x_h", labels.assumed, labels.assumed_units, events.x_h),
-            columns("y_max", labels.outputs, labels.output_units, events.y_max),
-            columns("y_min", labels.outputs, labels.output_units, events.y_min),
+            look_up_columns("", ("interval",), ("s",), events.interval[:, None]),
+            look_up_columns("x", labels.states, labels.state_units, events.x),
+            look_up_columns("x_o", labels.assumed, labels.assumed_units, events.x_o),
+            look_up_columns("x_h", labels.assumed, labels.assumed_units, events.x_h),
+            look_up_columns("y_max", labels.outputs, labels.output_units, events.y_max),
+            look_up_columns("y_min", labels.outputs, labels.output_units, events.y_min),
         ]
         return Series(
             events.t,
@@ -335,9 +335,9 @@ class Simulation(WithCard):
             outputs=self.y.T,
             states=self.x.T,
             inputs=self.u.T,
-            output_labels=list(columns("y", labels.outputs, (), self.y).bare),
-            state_labels=list(columns("x", labels.states, (), self.x).bare),
-            input_labels=list(columns("u", labels.inputs, (), self.u).bare),
+            output_labels=list(look_up_columns("y", labels.outputs, (), self.y).bare),
+            state_labels=list(look_up_columns("x", labels.states, (), self.x).bare),
+            input_labels=list(look_up_columns("u", labels.inputs, (), self.u).bare),
             title=f"{self.control} control, {self.plant} plant",
             plot_inputs=True,
         )
@@ -352,30 +352,32 @@ class Simulation(WithCard):
             known = np.abs(self.jumps[place, 0] - self.resets) <= NEAR
             command = np.where(known[:, None], self.jumps[place, 1:], np.nan)
         blocks = [
-            columns("x", labels.states, labels.state_units, self.x, self.x[at]),
-            columns("y", labels.outputs, labels.output_units, self.y, self.y[at]),
-            columns("u", labels.inputs, labels.input_units, self.u, command),
-            columns("x_o", labels.assumed, labels.assumed_units, self.x_o, self.x_o[at]),
-            columns("x_h", labels.assumed, labels.assumed_units, self.x_h, self.x_o[at]),
+            look_up_columns("x", labels.states, labels.state_units, self.x, self.x[at]),
+            look_up_columns("y", labels.outputs, labels.output_units, self.y, self.y[at]),
+            look_up_columns("u", labels.inputs, labels.input_units, self.u, command),
+            look_up_columns("x_o", labels.assumed, labels.assumed_units, self.x_o, self.x_o[at]),
+            look_up_columns("x_h", labels.assumed, labels.assumed_units, self.x_h, self.x_o[at]),
         ]
         if np.isfinite(self.E).any():
             faces = None if controller is None else controller.trigger.faces(controller.design)
             level = None if faces is None else faces.E(0 * self.x_o[at])[:, None]
-            blocks.append(columns("", ("E",), ("",), self.E[:, None], level))
+            blocks.append(look_up_columns("", ("E",), ("",), self.E[:, None], level))
         if self.applied.size:
             limited = bool(self.precision.get("saturated_share"))
             acting = None if command is None or limited else self.applied[at] + command - self.u[at]
-            blocks.append(columns("applied", labels.inputs, labels.input_units, self.applied, acting))
+            blocks.append(look_up_columns("applied", labels.inputs, labels.input_units, self.applied, acting))
         if self.pushes:
-            blocks.append(columns("push", self.push_names, self.push_units, self.push_values, self.push_values[at]))
+            blocks.append(
+                look_up_columns("push", self.push_names, self.push_units, self.push_values, self.push_values[at])
+            )
         if self.setpoint:
-            blocks.append(columns("r", self.setpoint.names, self.setpoint.units, self.r, self.r[at]))
+            blocks.append(look_up_columns("r", self.setpoint.names, self.setpoint.units, self.r, self.r[at]))
         if self.pressure is not None:
             ground, known = self.pressure, 0 < len(self.pressure.t_after) == len(at)
             newtons = ("N",) * len(ground.geoms)
             blocks += [
-                columns("cop", ("x", "y"), ("m", "m"), ground.centre, ground.centre_after if known else None),
-                columns("load", ground.geoms, newtons, ground.load, ground.load_after if known else None),
+                look_up_columns("cop", ("x", "y"), ("m", "m"), ground.centre, ground.centre_after if known else None),
+                look_up_columns("load", ground.geoms, newtons, ground.load, ground.load_after if known else None),
             ]
         return blocks
 
@@ -384,12 +386,12 @@ LARGE = 1e-3
 """Largest relative error of an interval, or of the outputs, that goes without a word."""
 
 
-def remarks(simulation: Simulation) -> tuple[Notice, ...]:
+def list_remarks(simulation: Simulation) -> tuple[Notice, ...]:
     """Notices on a run, from its facts."""
     return tuple(_remarks(simulation))
 
 
-def relative_error(simulation: Simulation) -> float:
+def get_relative_error(simulation: Simulation) -> float:
     """Estimated error of the last interval relative to it, or of the outputs where there is none; NaN if not known."""
     facts = simulation.precision
     error, stretch = (float(facts.get(name, np.nan)) for name in ("interval_error", "error_stretch"))
@@ -424,7 +426,7 @@ def _remarks(simulation: Simulation) -> Iterator[Notice]:
             "linearised; lower the threshold or what disturbs, or widen what the body stands on"
         )
         yield Notice("lift-off", "warning", words)
-    error = relative_error(simulation)
+    error = get_relative_error(simulation)
     if error > LARGE and facts.get("tolerance"):
         words = f"the tolerance of {float(facts['tolerance']):g} let an interval err by {error:.1g} of itself"
         yield Notice("large step", "warning", words)

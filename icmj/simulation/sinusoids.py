@@ -22,25 +22,25 @@ _TURN = 8.0  # of the fastest sinusoid on either side of a stride's middle [rad]
 _AT_ONCE = 8192  # instants
 
 
-def nodes(count: int) -> np.ndarray:
+def make_nodes(count: int) -> np.ndarray:
     """Chebyshev nodes on [−1, 1]."""
     return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count))
 
 
 @lru_cache(maxsize=64)
-def coefficients(count: int) -> Array:
+def make_coefficient_matrix(count: int) -> Array:
     """Matrix from values at Chebyshev nodes to Chebyshev coefficients, shape (count, count)."""
-    to = 2 / count * chebvander(nodes(count), count - 1).T
+    to = 2 / count * chebvander(make_nodes(count), count - 1).T
     to[0] /= 2
     return to
 
 
-def enough(turn: float) -> int:
+def count_nodes(turn: float) -> int:
     """Number of nodes that interpolate a sinusoid whose phase changes by this on either side of the middle [rad]."""
     return next(n for n in range(1, 1000) if 2 * (turn / 2) ** n / factorial(n) <= ROUNDING)
 
 
-def on_parts(matrix: Array) -> Array:
+def split_matrix(matrix: Array) -> Array:
     """The same of the even and the odd part of values at half of their nodes, as ``matrix`` makes of the values."""
     count = matrix.shape[1]
     half = (count + 1) // 2
@@ -70,10 +70,10 @@ class Waves:
         """``signal`` says which signal each belongs to, rising; a ``stride`` of zero is chosen."""
         fastest = float(omega.max(initial=0.0))
         self.stride = stride or (2 * _TURN / fastest if fastest > 0 else 1.0)
-        self.count = enough(fastest * self.stride / 2)
+        self.count = count_nodes(fastest * self.stride / 2)
         self.half = (self.count + 1) // 2
         self._omega, self._phase, self._signals = omega, phase, signals
-        angle = np.outer(nodes(self.count)[: self.half] * self.stride / 2, omega)
+        angle = np.outer(make_nodes(self.count)[: self.half] * self.stride / 2, omega)
         share = np.cos(angle) * amplitude, -np.sin(angle) * amplitude
         parts = pairwise(np.searchsorted(signal, np.arange(signals + 1)))
         self._parts = [slice(*part) for part in parts]
@@ -119,7 +119,7 @@ class Waves:
             stride = np.floor(part / self.stride).astype(int)
             first, number = int(stride[0]), int(stride[-1] - stride[0]) + 1
             values = self.at_nodes(first, number).reshape(2 * self.half, self._signals, number)
-            series = np.tensordot(on_parts(coefficients(self.count)), values, 1).transpose(2, 0, 1)
+            series = np.tensordot(split_matrix(make_coefficient_matrix(self.count)), values, 1).transpose(2, 0, 1)
             values = chebvander(2 * (part / self.stride - stride) - 1, self.count - 1)
             found[begin : begin + _AT_ONCE] = np.matmul(values[:, None, :], series[stride - first])[:, 0]
         return found

@@ -40,13 +40,13 @@ def start_states(
             "no event would ever act"
         )
     assumed = controller.design.plant.states
-    plant_state = plant_start(plant, settings, x)
+    plant_state = make_plant_start(plant, settings, x)
     observer = _start("observer", assumed, settings.observer, x_o)
     hold = observer if x_h is None else _start("hold", assumed, {}, x_h)
     return plant_state, start_state(controller, observer, hold)
 
 
-def plant_start(plant: LinearPlant, settings: Settings, x: ArrayLike | None = None) -> Array:
+def make_plant_start(plant: LinearPlant, settings: Settings, x: ArrayLike | None = None) -> Array:
     """The plant's state at t = 0, shape (n,), by name or as a whole vector.
 
     Raises:

@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.bernstein import from_powers
+from icmj.base.bernstein import make_bernstein_matrix
 from icmj.base.roots import DEEPEST
 from icmj.controller.realisation import Realisation
 from icmj.errors import SimulationError
 from icmj.simulation.disturbance import Acting, Disturbance
-from icmj.simulation.grid import at_points, points_of
+from icmj.simulation.grid import count_points, draw_at_points
 from icmj.simulation.native.loop import ACTED, EDGE, PLANNED, SIGNAL, TICK
 from icmj.simulation.native.taps import SMOOTH
 from icmj.simulation.native.waves import Waves
@@ -151,7 +151,7 @@ class ControllerState(NamedTuple):
     spans: Array
 
 
-def taps_of(realisation: Realisation, n_y: int, rate: float, *, exact: bool) -> Taps:
+def make_taps(realisation: Realisation, n_y: int, rate: float, *, exact: bool) -> Taps:
     """The controller of a loop of ``n_y`` outputs whose fastest rate is ``rate`` [rad/s], with what disturbs it.
 
     Its unit of time is 1/``rate`` [s] at most.
@@ -191,7 +191,7 @@ def taps_of(realisation: Realisation, n_y: int, rate: float, *, exact: bool) -> 
         wait=float(realisation.wait), delay=float(realisation.delay), clock=float(realisation.clock),
         sampling=float(realisation.sampling), period=float(realisation.period),
         signals=Waves(np.eye(R)[signals[:, 0].astype(int)], np.ascontiguousarray(signals[:, 1:])),
-        edges=np.append(edges_of(realisation), np.inf), F=from_powers(2 * POWERS - 2),
+        edges=np.append(list_signal_edges(realisation), np.inf), F=make_bernstein_matrix(2 * POWERS - 2),
         rough=ROUGH if exact else ROUGH_ON_ENGINE, exact=exact, nodes=nodes, fit=np.ascontiguousarray(fit),
     )  # fmt: skip
 
@@ -244,13 +244,13 @@ def begin_at(taps: Taps, now: ControllerState, edges: Array, t: float) -> None:
     now.queue[0] = t + taps.delay  # the event at the start makes a prediction like any other
 
 
-def edges_of(realisation: Realisation) -> Array:
+def list_signal_edges(realisation: Realisation) -> Array:
     """Times at which its signals begin, end or jump, increasing [s]."""
     times = np.unique(realisation.signals[:, 4:])
     return np.asarray(times[np.isfinite(times)])
 
 
-def levels_of(edges: Array, acting: Acting) -> np.ndarray:
+def list_levels(edges: Array, acting: Acting) -> np.ndarray:
     """The level of each of these instants, at which something of what acts begins, ends or bends.
 
     Where readings jump it is −1; where they bend, or what acts on the plant jumps, 0; where that bends, 1.
@@ -260,7 +260,7 @@ def levels_of(edges: Array, acting: Acting) -> np.ndarray:
     return levels
 
 
-def first_command(taps: Taps, history: History, now: ControllerState) -> Array:
+def compute_first_command(taps: Taps, history: History, now: ControllerState) -> Array:
     """u at the begin of a run, shape (n_u,)."""
     v = np.concatenate([history.r[0, : taps.direct, 0], *(history.r[k, :, 0] for k in history.at)])
     mode = now.mode[0]
@@ -306,19 +306,19 @@ def lengthen(now: ControllerState) -> ControllerState:
     return now._replace(queue=queue)
 
 
-def least_of(realisation: Realisation) -> float:
+def get_least_interval(realisation: Realisation) -> float:
     """The least time between two events [s]; 0 with a clock, or without events."""
     rules = len(realisation.cuts) > 1 and realisation.clock == np.inf
     return realisation.sampling + realisation.wait if rules else 0.0
 
 
-def modes_of(realisation: Realisation, mode: Array) -> dict[str, Any]:
+def get_modes(realisation: Realisation, mode: Array) -> dict[str, Any]:
     """The modes at the rows of a run; empty if the controller has only one."""
     names = tuple(mode.name for mode in realisation.modes)
     return {"mode": mode.astype(np.int64), "modes": names} if len(names) > 1 else {}
 
 
-def waves_of(duration: float, *parts: tuple[Disturbance, Array]) -> Waves:
+def make_waves(duration: float, *parts: tuple[Disturbance, Array]) -> Waves:
     """The effect of what acts over a run of ``duration`` [s], each part through the columns of its effects."""
     effect, terms, through, grids, values = [], [], [], [np.zeros((0, 4))], [np.zeros(0)]
     for part, effects in parts:
@@ -326,7 +326,7 @@ def waves_of(duration: float, *parts: tuple[Disturbance, Array]) -> Waves:
         terms.append(np.column_stack([part.amplitude, part.omega, part.phase, part.start, part.end]))
         through.append(effects[:, [index for index, _ in part.gaussian]].T)
         for _, noise in part.gaussian:
-            drawn, first = at_points(noise, 0, points_of(noise, duration)), sum(map(len, values))
+            drawn, first = draw_at_points(noise, 0, count_points(noise, duration)), sum(map(len, values))
             values.append(drawn)
             grids.append(np.array([[noise.start, noise.interval, first, first + len(drawn)]]))
     return Waves(*(np.ascontiguousarray(np.concatenate(of)) for of in (effect, terms, through, grids, values)))

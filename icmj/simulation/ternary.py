@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from icmj.base.array import Array, steps_in
+from icmj.base.array import Array, count_steps
 from icmj.controller.setpoint import TERNARY_INTERVALS, ternary
 from icmj.errors import SimulationError
 
 _MOST_LINES = 20000
 
 
-def ternary_lines(size: float, interval: float, highest: float) -> Array:
+def make_ternary_lines(size: float, interval: float, highest: float) -> Array:
     """The lines of an integrated pseudo-random ternary sequence, without its mean.
 
     Args:
@@ -32,7 +32,7 @@ def ternary_lines(size: float, interval: float, highest: float) -> Array:
             "bandwidth or a shorter interval"
         )
     slopes = ternary(size, interval, 0.0, period)
-    k = np.arange(1, steps_in(highest * period) + 1)
+    k = np.arange(1, count_steps(highest * period) + 1)
     omega = 2 * np.pi * k / period
     # of a periodic path with slopes v_j from t_j to t_j': c_k = Σ v_j (e^{−iωt_j'} − e^{−iωt_j}) / (ω² T)
     turns = np.exp(-1j * np.outer(omega, slopes[:, 4])) - np.exp(-1j * np.outer(omega, slopes[:, 3]))

@@ -9,11 +9,11 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import Vector
-from icmj.simulation.disturbance import terms_of
+from icmj.simulation.disturbance import list_terms
 from icmj.simulation.sources import Noise, Sinusoids, Source
 
 
-def tilt_sources(
+def make_tilt_sources(
     source: Source, vertical: Mapping[str, float], rate: Mapping[str, float], point: Vector | None = None
 ) -> Iterator[Source]:
     """The effects of a tilt φ(t) on a body in the frame of the surface, to first order.
@@ -29,7 +29,7 @@ def tilt_sources(
     if not isinstance(source, Noise | Sinusoids):
         kind = type(source).__name__.lower()
         raise SimulationError(f"a tilt of kind {kind!r} has no finite acceleration; give sines, ternary or noise")
-    terms = np.array([term[:5] for term in terms_of(source)])
+    terms = np.array([term[:5] for term in list_terms(source)])
     if (terms[:, 3] > 0).any() or np.isfinite(terms[:, 4]).any():
         raise SimulationError("a tilt that begins or ends at an instant has no finite acceleration; let it last")
     angle = terms[:, :3]

@@ -19,7 +19,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from icmj.base.array import Array, between
+from icmj.base.array import Array, is_between
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.numbers import Fact, Kind, collect_facts
 from icmj.base.text import one_line
@@ -379,7 +379,7 @@ def _row_without_prediction(case: Case, plants: Sequence[PlantKind]) -> dict[str
         pass
     for plant in plants:
         motion = simulate(case, plant)
-        moved = MeasuredRun(motion, rounds_of(motion), motion.y[between(motion.t, motion.t[-1] / 2)])
+        moved = MeasuredRun(motion, rounds_of(motion), motion.y[is_between(motion.t, motion.t[-1] / 2)])
         row |= row_of(plant, WITHOUT_PREDICTION, moved, _outputs(case))
         row |= {f"{plant}_{name}": value for name, value in own(measure_own(case.run, motion)).items()}
     return row

@@ -14,23 +14,23 @@ from pathlib import Path
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.numbers import lapse
+from icmj.base.numbers import format_duration
 from icmj.case.case import Case, PlantKind, expect_measures
 from icmj.case.plants import linear_plant
 from icmj.controller.controller import has_trigger
 from icmj.controller.delay import NO_DELAY
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.run import simulate as simulate_mujoco
-from icmj.engine.schedule import fastest_rate
+from icmj.engine.schedule import find_fastest_rate
 from icmj.errors import SimulationError, StudyError, prefix_errors
-from icmj.linear.loop import linear_loop
+from icmj.linear.loop import make_linear_loop
 from icmj.linear.run import simulate as simulate_linear
 from icmj.plant.linear_plant import match_ports
-from icmj.simulation.disturbance import acting_on
+from icmj.simulation.disturbance import make_acting
 from icmj.simulation.readings import expect_no_observer, expect_readings
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Gridded
-from icmj.simulation.start import plant_start, start_states
+from icmj.simulation.start import make_plant_start, start_states
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
 STEPS, STRETCHES, ROWS = 1e6, 1e4, 2e5  # up to these a run takes a few seconds at most
@@ -59,11 +59,11 @@ def startable(case: Case, plant: PlantKind) -> None:
         if has_trigger(law):
             start_states(there, law, settings)
             if plant == "linear":
-                linear_loop(there, law)
+                make_linear_loop(there, law)
         else:
             expect_readings(law, there)
             expect_no_observer(law, settings)
-            plant_start(there, settings, None)
+            make_plant_start(there, settings, None)
         if plant == "mujoco":
             _ = case.stepping  # steps that cannot be taken are refused here
 
@@ -127,8 +127,8 @@ def refuse_long(case: Case, plant: PlantKind, seconds: float, longest: float | N
         what.insert(0, f"{settings.duration / _timestep(case):.2g} steps of {_timestep(case):g} s")
     asked = f" ({', '.join(what)})" if what else ""
     raise StudyError(
-        f"{case.run.path}: {case.run.case.name} ({plant}) would take about {lapse(seconds)}{asked}; shorten it "
-        f"(simulation.duration, timestep, record_interval{', study' if study else ''}), or start it with --yes"
+        f"{case.run.path}: {case.run.case.name} ({plant}) would take about {format_duration(seconds)}{asked}; shorten "
+        f"it (simulation.duration, timestep, record_interval{', study' if study else ''}), or start it with --yes"
     )
 
 
@@ -142,7 +142,7 @@ def refuse_trials(path: Path, work: Sequence[tuple[Case, PlantKind, int]], jobs:
     one = max(_PER_NUMBER * n * _columns(case) for n, (case, _, _) in zip(rows, work, strict=True))
     kept = sum(_KEPT * n * count for n, (_, _, count) in zip(rows, work, strict=True))
     seconds, taken = sum(estimate_trials(*each) for each in work) / jobs, _OWN + max(one, kept)
-    asked = [lapse(seconds) + (f" of {jobs} processes" if jobs > 1 else "")] if seconds > longest else []
+    asked = [format_duration(seconds) + (f" of {jobs} processes" if jobs > 1 else "")] if seconds > longest else []
     asked += [f"{taken / 1e9:.2g} GB of memory"] if taken > MEMORY else []
     if asked:
         raise StudyError(
@@ -163,8 +163,8 @@ def _acting(case: Case) -> Array:
     """Frequencies of all that disturbs the run [rad/s]."""
     plant, settings, law = case.actual.linearisation.plant, case.settings, case.controller
     if has_trigger(law):
-        return acting_on(plant, settings, law).omega
-    return np.concatenate([acting_on(plant, settings).omega, law.realisation.signals[:, 2]])
+        return make_acting(plant, settings, law).omega
+    return np.concatenate([make_acting(plant, settings).omega, law.realisation.signals[:, 2]])
 
 
 def _rate(case: Case) -> float:
@@ -175,7 +175,7 @@ def _rate(case: Case) -> float:
         own = max(float(np.linalg.norm(M, 2)) for M in (A, design.A_c, design.A_o))
     else:  # a series is no longer than the shortest delay of a reading
         there = match_ports(linear_plant(case.actual, case.settings), law.plant, "position")
-        own = max([fastest_rate(there, law), *(1 / tau for tau in law.realisation.delayed[:1])])
+        own = max([find_fastest_rate(there, law), *(1 / tau for tau in law.realisation.delayed[:1])])
     return max(own, float(_acting(case).max(initial=0.0)))
 
 

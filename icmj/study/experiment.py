@@ -27,7 +27,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from icmj.base.array import between
+from icmj.base.array import is_between
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.files import whole, write_bytes, write_text
 from icmj.base.numbers import plain
@@ -43,7 +43,7 @@ from icmj.report import style
 from icmj.report.experiment import Row, experiment_page
 from icmj.runfile.schema import RunFile
 from icmj.series.even_rows import expect_rate
-from icmj.series.plausibility import doubt
+from icmj.series.plausibility import note_oddities
 from icmj.series.reading import read_series
 from icmj.series.series import SETTLED, Series
 from icmj.series.writing import find_writers
@@ -340,7 +340,7 @@ def analyse_recordings(
             series = expect_rate(read_series(path, rate=rate, since=since, until=until), rate)
             with at_work(kind):
                 read = kind.read(series)
-            trials.append(Recording(doubt(read)))
+            trials.append(Recording(note_oddities(read)))
             first = same.setdefault(trials[-1].series.values.tobytes(), path)
             if len(same) < len(trials):
                 raise DataError(f"holds the same values as {first}; a copy is no further trial, leave it out")
@@ -480,7 +480,7 @@ def trial(kind: Kind, one: Condition, seed: int, progress: Callable[[float], Non
     whole = found.outcome.kind not in ("fell", "diverged", "interrupted")
     # what stands for continuous control is a clock of a few milliseconds, whose ticks are no events
     events = found.events.t[:0] if one.table.control == "continuous" else found.events.t
-    events = events[between(events, begin)] - begin
+    events = events[is_between(events, begin)] - begin
     with at_work(kind):
         signals = kind.record(case, found)
         signals = replace(signals, facts={**signals.facts, SETTLED: f"{begin:g} s are left out"})

@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.files import ready
+from icmj.base.files import make_ready
 from icmj.base.npz import read_npz
 from icmj.base.text import one_line
 from icmj.errors import FitError, IcmjError
@@ -285,7 +285,7 @@ def fit(
     out, trained = Path(out), Path(trained)
     try:
         for folder in (out / "people", trained):
-            ready(folder, SUMS)
+            make_ready(folder, SUMS)
     except OSError as error:
         raise FitError(f"{out}: cannot be written to ({error.strerror}); choose another --out") from error
     tell = progress or (lambda label, done: None)

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, SupportsIndex
 
 from pydantic import Field
 
-from icmj.base.array import Positive, instants
+from icmj.base.array import Positive, list_multiples
 from icmj.case.case import Case, PlantKind
 from icmj.errors import DataError, RunFileError
 from icmj.experiments.recording import Finding, Recording
 from icmj.report.experiment import Norms, Row
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import Line, TomlTable
-from icmj.series.even_rows import row_step
+from icmj.series.even_rows import measure_row_step
 from icmj.series.series import EVEN, SETTLED, Series
 from icmj.simulation.simulation import Simulation
 from icmj.work.own_code import Code, folder_of, guard, reference_of
@@ -207,7 +207,7 @@ def sample_rows(signals: Series, simulation: Simulation, rate: float, since: flo
     Nothing is interpolated across a break; the side that is given there is that of
     :meth:`icmj.Simulation.to_series`. A run that ended before ``since`` has one row.
     """
-    t = instants(1 / rate, float(simulation.t[-1]), round(since * rate))
+    t = list_multiples(1 / rate, float(simulation.t[-1]), round(since * rate))
     if len(t) < 2:
         return replace(signals, t=signals.t[:1], values=signals.values[:1])
     return replace(signals, t=t - t[0], values=simulation.interpolate(signals.names, signals.values, t))
@@ -227,7 +227,7 @@ def cut_recording(series: Series, begin: float | None, duration: float | None, k
     """
     begin = None if SETTLED in series.facts else begin
     if len(series) > 1 and (begin is not None or duration is not None):
-        first, step = float(series.t[0]), row_step(series.t)
+        first, step = float(series.t[0]), measure_row_step(series.t)
         whole, asked = float(series.t[-1]) - first + step, (begin or 0.0) + (duration or 0.0)
         if whole < asked - EVEN * step:
             raise DataError(

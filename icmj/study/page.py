@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from icmj.base.files import ready, write_text
+from icmj.base.files import make_ready, write_text
 from icmj.errors import ReportError
 from icmj.work.workers import Task, Tell, Workers
 
@@ -74,7 +74,7 @@ def report(
     comparisons = tuple(compare(result) for result in results if has_prediction(result))
     others = tuple(result for result in results if not has_prediction(result))
     try:
-        ready(out.parent)
+        make_ready(out.parent)
     except OSError as error:
         raise ReportError(f"{out}: the report cannot be written ({error.strerror})") from error
     draw = None

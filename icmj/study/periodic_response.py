@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from icmj.base.array import Array, steps_in
+from icmj.base.array import Array, count_steps
 from icmj.base.numbers import readable
 from icmj.errors import DataError
 from icmj.experiments.multisine import Multisine, multisine
 from icmj.report import style
 from icmj.report.findings import LOWEST, MARKER, ShownResult, assign_colours, under_legend
-from icmj.series.even_rows import even_series
+from icmj.series.even_rows import resample_series
 from icmj.series.series import EVEN, SETTLED, Series
 from icmj.study.kind import Kind, cut_recording
 
@@ -124,7 +124,7 @@ def take_periods(kind: Kind, period: float, series: Series) -> Series:
     """
     settle, periods, rate = map(kind.stated, ("settle", "periods", "rate"))
     begin, duration = (None if count is None else count * period for count in (settle, periods))
-    cut = even_series(cut_recording(series, begin, duration, f"settle and periods of {period:g} s"), rate)
+    cut = resample_series(cut_recording(series, begin, duration, f"settle and periods of {period:g} s"), rate)
     begins = settle is not None or periods is not None or SETTLED in series.facts
     return whole_periods(cut, period) if begins else cut
 
@@ -134,7 +134,7 @@ def whole_periods(series: Series, period: float) -> Series:
     if len(series) < 2:
         return series
     begin, step = float(series.t[0]), float(series.t[-1] - series.t[0]) / (len(series) - 1)
-    count = steps_in((float(series.t[-1]) - begin + (1 + EVEN) * step) / period)
+    count = count_steps((float(series.t[-1]) - begin + (1 + EVEN) * step) / period)
     return series if count < 1 else series.until(begin + count * period - step / 2)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from icmj.base.files import clear_leftovers, ready
+from icmj.base.files import clear_leftovers, make_ready
 from icmj.errors import LogError, RunFileError, SimulationError, expect, prefix_errors
 from icmj.runfile.schema import RunFile
 from icmj.work.workers import Task, Tell, Workers, processes
@@ -71,10 +71,10 @@ def run_case(
     """
     from icmj.case.case import Case, expect_measures, measure_own, prepare, simulate
     from icmj.case.result import Result
-    from icmj.engine.pose import scene
+    from icmj.engine.pose import make_scene
     from icmj.measurement.measurement import measure
-    from icmj.simulation.scene import frames
-    from icmj.simulation.simulation import remarks
+    from icmj.simulation.scene import select_frames
+    from icmj.simulation.simulation import list_remarks
     from icmj.work.folder import provenance
 
     report: Callable[[float], None] = progress or (lambda _: None)
@@ -104,11 +104,11 @@ def run_case(
             controller=case.controller,
             prediction=case.prediction,
             simulation=simulation,
-            scene=scene(case.model, simulation, run.study.magnification, frames(simulation.t))
+            scene=make_scene(case.model, simulation, run.study.magnification, select_frames(simulation.t))
             if run.on_engine
             else None,
             provenance=provenance(run.path.parent),
-            notices=tuple(str(notice) for notice in (*case.notices, *remarks(simulation))),
+            notices=tuple(str(notice) for notice in (*case.notices, *list_remarks(simulation))),
             measures=measure_own(run, simulation),
             sway=_sway(case, found.get("statistics"), simulation),
             **found,
@@ -156,11 +156,11 @@ def at_multiples(simulation: Simulation, interval: float) -> Simulation:
     """
     import numpy as np
 
-    from icmj.base.array import instants
+    from icmj.base.array import list_multiples
     from icmj.series.interpolation import NEAR
 
     t, none, run = simulation.t, slice(0, 0), simulation
-    due = np.append(np.searchsorted(t, instants(interval, float(t[-1])) - NEAR), len(t) - 1)
+    due = np.append(np.searchsorted(t, list_multiples(interval, float(t[-1])) - NEAR), len(t) - 1)
     rows = np.unique(np.minimum(due, len(t) - 1))
     thin: dict[str, Any] = {name: getattr(run, name)[rows] for name in ("t", "x", "y", "u", "x_o", "x_h", "E")}
     # what a run without them leaves empty
@@ -249,7 +249,7 @@ def open_folder(folder: Path, *names: str) -> None:
         LogError: if they cannot be written there.
     """
     try:
-        ready(folder, *names)
+        make_ready(folder, *names)
     except FileExistsError as error:
         raise LogError(f"{error.filename}: cannot be written to ({error.strerror})") from error
     except OSError as error:

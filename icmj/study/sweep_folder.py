@@ -21,7 +21,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from icmj.base.files import regular
+from icmj.base.files import open_regular
 from icmj.base.parquet import read_parquet
 from icmj.base.text import one_line
 from icmj.case.sweep_table import SweepTable
@@ -102,7 +102,7 @@ class Dataset:
             part.write_bytes(computed.content)
         line = f"{chunk},{computed.rows},{computed.failed},{computed.seconds:.4f},{computed.simulating:.4f}\n"
         with suppress(OSError):
-            handle = regular(self.path / TIMING, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+            handle = open_regular(self.path / TIMING, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
             with os.fdopen(handle, "a", encoding="utf-8") as file:
                 file.write(line)
 

@@ -11,7 +11,7 @@ from icmj.base.array import Array
 
 
 @cache
-def nodes(degree: int) -> Array:
+def make_nodes(degree: int) -> Array:
     """Chebyshev points of the second kind, rising."""
     x = -np.cos(np.pi * np.arange(degree + 1) / degree)
     x.flags.writeable = False
@@ -19,18 +19,18 @@ def nodes(degree: int) -> Array:
 
 
 @cache
-def coefficients(degree: int) -> Array:
+def make_coefficient_matrix(degree: int) -> Array:
     """Matrix from values at the nodes to Chebyshev coefficients."""
-    return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes(degree), degree)))
+    return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(make_nodes(degree), degree)))
 
 
 @cache
-def parabola(degree: int) -> Array:
+def make_parabola_matrix(degree: int) -> Array:
     """Matrix from values at the nodes to the values of their quadratic Chebyshev part."""
-    return np.asarray(np.polynomial.chebyshev.chebvander(nodes(degree), 2) @ coefficients(degree)[:3])
+    return np.asarray(np.polynomial.chebyshev.chebvander(make_nodes(degree), 2) @ make_coefficient_matrix(degree)[:3])
 
 
-def roots(c: Array) -> NDArray[np.complex128]:
+def find_roots(c: Array) -> NDArray[np.complex128]:
     """All zeros of the series with coefficients ``c``; closing ones below rounding are left out."""
     size = np.abs(c)
     keep = np.flatnonzero(size > 1e-15 * size.max())

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array
-from icmj.theory.chebyshev import coefficients, parabola
+from icmj.theory.chebyshev import make_coefficient_matrix, make_parabola_matrix
 from icmj.theory.crossing import Kind
 
 KINDS: tuple[Kind, ...] = ("+1", "-1", "complex")
@@ -32,7 +32,7 @@ DEGREE = 24
 _QUIET = 1e-3  # last Chebyshev coefficients of the logarithm of a function without zeros nearby; a zero makes 1e-1
 
 
-def circle_function(kind: Kind, g: Spectrum, delta: Array) -> Array:
+def evaluate_circle_function(kind: Kind, g: Spectrum, delta: Array) -> Array:
     """One test function at the Chebyshev nodes of each panel, times a positive function that flattens it.
 
     The product of many factors varies by many decades over a panel, and a zero where it is small would be lost.
@@ -69,7 +69,7 @@ def circle_function(kind: Kind, g: Spectrum, delta: Array) -> Array:
     sign = np.prod(factors / size, axis=-1).real
     floor = _FLOOR * size.max(axis=-2, keepdims=True)
     trend = np.log(size**2 + floor**2).sum(axis=-1) / 2
-    log = np.log(size).sum(axis=-1) - trend @ parabola(delta.shape[-1] - 1).T
+    log = np.log(size).sum(axis=-1) - trend @ make_parabola_matrix(delta.shape[-1] - 1).T
     return np.asarray(sign * np.exp(log - log.max(axis=-1, keepdims=True)))
 
 
@@ -87,29 +87,29 @@ def _pairs(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return np.triu_indices(count, 1)
 
 
-def height_of(g: Spectrum, delta: Array) -> Array:
+def measure_height(g: Spectrum, delta: Array) -> Array:
     """(|λ|² − 1)/(2Δ): positive outside, negative inside, at Δ = 0 the real part of g."""
     return np.asarray(g.real + delta[..., None] * (g.real**2 + g.imag**2) / 2)
 
 
-def outside(g: Spectrum, delta: Array) -> NDArray[np.int_]:
+def count_outside(g: Spectrum, delta: Array) -> NDArray[np.int_]:
     """Number of eigenvalues outside the circle at each node (at Δ = 0: about to be)."""
     return np.asarray((2 * g.real + delta[..., None] * np.abs(g) ** 2 > 1e-10).sum(axis=-1))
 
 
-def outwards(g: Spectrum, delta: Array) -> Spectrum:
+def sort_outwards(g: Spectrum, delta: Array) -> Spectrum:
     """Eigenvalues of G by falling distance from the circle, those outside first; last axis sorted."""
-    return np.take_along_axis(g, np.argsort(-height_of(g, delta), axis=-1), axis=-1)
+    return np.take_along_axis(g, np.argsort(-measure_height(g, delta), axis=-1), axis=-1)
 
 
-def near(g: Spectrum, delta: Array) -> NDArray[np.intp]:
+def find_near(g: Spectrum, delta: Array) -> NDArray[np.intp]:
     """Range of the eigenvalues of each panel that may reach the circle: first and one past the last, shape (P, 2).
 
     Args:
-        g: sorted by :func:`outwards`, shape (P, nodes, m).
+        g: sorted by :func:`sort_outwards`, shape (P, nodes, m).
         delta: shape (P, nodes).
     """
-    height = height_of(g, delta)
+    height = measure_height(g, delta)
     panels, _, m = height.shape
     # motion of the i-th from node to node, and the gap to the next one, at the worse of two neighbouring nodes
     moved = np.abs(np.diff(height, axis=1))
@@ -137,7 +137,7 @@ def near(g: Spectrum, delta: Array) -> NDArray[np.intp]:
     return limits
 
 
-def away(g: Spectrum, delta: Array) -> Array:
+def evaluate_away(g: Spectrum, delta: Array) -> Array:
     """Logarithms of the three test functions of eigenvalues that should stay on one side, shape (3, nodes).
 
     If they do, these are as smooth as the eigenvalues' symmetric functions. A visit to the circle between two nodes,
@@ -149,7 +149,7 @@ def away(g: Spectrum, delta: Array) -> Array:
     return np.array([np.log(np.abs(f) + tiny).sum(axis=1) for f in (g, 2 + d * g, g_i + g_j + d * g_i * g_j)])
 
 
-def once(g: Spectrum) -> Spectrum:
+def merge_repeated(g: Spectrum) -> Spectrum:
     """Eigenvalues without their repetitions, where the same are repeated at every node; shape (nodes, m) → (nodes, r).
 
     Repeated eigenvalues, of two like pendulums say, make zeros of high order, which rounding scatters. A defective one
@@ -182,18 +182,20 @@ def _neighbours(values: Array) -> tuple[Array, Array]:
     return values[:, :-1], values[:, 1:]
 
 
-def series(g: Spectrum, delta: Array) -> dict[Kind, Array]:
+def expand_near(g: Spectrum, delta: Array) -> dict[Kind, Array]:
     """Chebyshev coefficients of the test functions of the near eigenvalues on one panel; none where there are none."""
     if not g.shape[-1]:
         return {}
-    g = once(g)
-    return {kind: coefficients(DEGREE) @ circle_function(kind, g, delta) for kind in KINDS}
+    g = merge_repeated(g)
+    return {kind: make_coefficient_matrix(DEGREE) @ evaluate_circle_function(kind, g, delta) for kind in KINDS}
 
 
-def quiet(g: Spectrum, delta: Array) -> bool:
+def is_quiet(g: Spectrum, delta: Array) -> bool:
     """Whether eigenvalues that are on one side of the circle at every node stay there between the nodes."""
-    return not g.shape[-1] or bool(np.abs(away(g, delta) @ coefficients(DEGREE)[-3:].T).max() < _QUIET)
+    return not g.shape[-1] or bool(
+        np.abs(evaluate_away(g, delta) @ make_coefficient_matrix(DEGREE)[-3:].T).max() < _QUIET
+    )
 
 
-def tail(c: Array) -> float:
+def measure_tail(c: Array) -> float:
     return float(np.abs(c[-3:]).max() / np.abs(c).max())

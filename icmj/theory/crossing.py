@@ -57,7 +57,7 @@ def change_outside(crossing: Crossing) -> int:
     return sign * crossing.multiplicity * (2 if crossing.kind == "complex" else 1)
 
 
-def distinct(found: list[Crossing], resolution: float) -> list[Crossing]:
+def select_distinct(found: list[Crossing], resolution: float) -> list[Crossing]:
     """Crossings without duplicates from neighbouring panels, or from a panel and a zoom."""
     kept: list[Crossing] = []
     for c in found:

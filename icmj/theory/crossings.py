@@ -35,12 +35,23 @@ from numpy.typing import NDArray
 
 from icmj.base.array import Array
 from icmj.errors import AnalysisError
-from icmj.theory.chebyshev import coefficients, nodes, roots
-from icmj.theory.circle import DEGREE, KINDS, circle_function, height_of, near, once, outside, quiet, series, tail
-from icmj.theory.crossing import Crossing, Direction, Kind, Search, change_outside, distinct
+from icmj.theory.chebyshev import find_roots, make_coefficient_matrix, make_nodes
+from icmj.theory.circle import (
+    DEGREE,
+    KINDS,
+    count_outside,
+    evaluate_circle_function,
+    expand_near,
+    find_near,
+    is_quiet,
+    measure_height,
+    measure_tail,
+    merge_repeated,
+)
+from icmj.theory.crossing import Crossing, Direction, Kind, Search, change_outside, select_distinct
 from icmj.theory.error_system import ErrorSystem
-from icmj.theory.flow import Flow, flow
-from icmj.theory.reduction import Reduction, reduction
+from icmj.theory.flow import Flow, make_flow
+from icmj.theory.reduction import Reduction, reduce_system
 from icmj.theory.spectra import EigenvalueBranch, Spectra
 
 _PANELS = 8
@@ -109,9 +120,9 @@ def search(
     if resolution is not None and not resolution > 0:
         raise AnalysisError(f"the resolution must be positive, got {resolution} s")
     if reduced is None:
-        prepared = prepared or flow(system.A_C)
+        prepared = prepared or make_flow(system.A_C)
         prepared.demand(delta_max)
-        reduced = reduction(system, prepared)
+        reduced = reduce_system(system, prepared)
     spectra = Spectra(reduced)
     if not spectra.count:
         return Search((), delta_max)
@@ -155,19 +166,19 @@ class _Finder:
                     f"not analysable: the eigenvalues of φ(Δ) up to {end:.4g} s move too wildly to be followed; "
                     "search a shorter range, or look for gains or rates that are out of proportion"
                 )
-            delta, g, size = self.spectra.panels(left, (1 + nodes(DEGREE)) / 2 * width)
+            delta, g, size = self.spectra.panels(left, (1 + make_nodes(DEGREE)) / 2 * width)
             delta, g = delta / self.unit, g * self.unit
             plateau = np.maximum(_PLATEAU, 1e4 * np.finfo(float).eps * size) if depth < _NOISY else 1e-2
-            sets = near(g, delta)
-            parts = [series(g[m, :, a:b], delta[m]) for m, (a, b) in enumerate(sets)]
-            decay = np.array([max((tail(c) for c in s.values()), default=0.0) for s in parts])
+            sets = find_near(g, delta)
+            parts = [expand_near(g[m, :, a:b], delta[m]) for m, (a, b) in enumerate(sets)]
+            decay = np.array([max((measure_tail(c) for c in s.values()), default=0.0) for s in parts])
             standstill = (decay > tails / 4) | (len(left) > _CROWD)
             resolved = (decay < _DECAYED) | ((decay < plateau) & standstill) | (depth == _DEPTH)
             if depth < _DEPTH and len(left) <= _CROWD:
                 for m in np.flatnonzero(resolved):
                     a, b = sets[m]
-                    resolved[m] = quiet(g[m, :, :a], delta[m]) and quiet(g[m, :, b:], delta[m])
-            beyond = outside(g[:, [0, -1]], delta[:, [0, -1]])
+                    resolved[m] = is_quiet(g[m, :, :a], delta[m]) and is_quiet(g[m, :, b:], delta[m])
+            beyond = count_outside(g[:, [0, -1]], delta[:, [0, -1]])
             for m in np.flatnonzero(resolved):
                 change, centre = int(beyond[m, 1] - beyond[m, 0]), left[m] + width / 2
                 here, explained = self._find(parts[m], centre, width / 2, sets[m], _ON)
@@ -194,7 +205,7 @@ class _Finder:
         inner = [edge for edge in edges if start < edge[0] - width / 2 < end - width]
         unexplained += _join(_join(inner), (end - start) / _CROWD)
         found = [c for c in found if start < c.delta <= end]
-        apart = tuple(distinct(sorted(found, key=lambda c: c.delta), self.resolution))
+        apart = tuple(select_distinct(sorted(found, key=lambda c: c.delta), self.resolution))
         blind += self._doubtful(np.array([edge for edge, _, _ in edges]).reshape(-1, 2))
         blurred = bool(blind)
         blind += [(first, last, 1) for first, last, _ in _join(unexplained)]
@@ -211,7 +222,7 @@ class _Finder:
         """Those panels (first and last Δ, shape (P, 2)) at whose ends or middle rounding decides what is outside."""
         delta = np.column_stack([panels, panels.mean(axis=1)]).reshape(-1)
         delta = np.maximum(delta, 1e-12 * panels.max(initial=0.0))
-        one, other = (height_of(of.at(delta) * self.unit, delta / self.unit) for of in (self.spectra, self.other))
+        one, other = (measure_height(of.at(delta) * self.unit, delta / self.unit) for of in (self.spectra, self.other))
         nearest = np.minimum(np.abs(one), np.abs(other))
         passed = (one * other < 0) & (nearest > _CLOSE)
         blurred = (nearest < _NEARBY) & (np.abs(one - other) > _BLURRED)
@@ -259,14 +270,14 @@ class _Finder:
         """Crossings on one panel, and the change of the number of eigenvalues outside that they explain."""
         self.on, set_ = on, (int(near_set[0]), int(near_set[1]))
         here = [x for kind, c in functions.items() for x in self._zeros(kind, c, centre, radius, set_)]
-        here = distinct(sorted(here, key=lambda c: c.delta), self.resolution)
+        here = select_distinct(sorted(here, key=lambda c: c.delta), self.resolution)
         return here, sum(change_outside(c) for c in here if abs(c.delta - centre) <= radius)
 
     def _zeros(self, kind: Kind, c: Array, centre: float, radius: float, near_set: tuple[int, int]) -> list[Crossing]:
         """Crossings from the zeros of one interpolant, those close together by zooming in."""
         if abs(c[0]) > np.abs(c[1:]).sum():
             return []
-        z = roots(c)
+        z = find_roots(c)
         z = z[(np.abs(z.real) <= 1 + 1e-9) & (np.abs(z.imag) <= _NEAR)]
         z = z[np.argsort(z.real)]
         found = []
@@ -291,11 +302,11 @@ class _Finder:
         degree = 8
         low = max(centre - radius, self.t_d)
         centre, radius = (low + centre + radius) / 2, (centre + radius - low) / 2
-        delta = centre + radius * nodes(degree)
+        delta = centre + radius * make_nodes(degree)
         delta[0] = max(delta[0], delta[1] * 1e-3)
-        g = once(self.spectra.at(delta)[:, slice(*near_set)] * self.unit)
-        f = circle_function(kind, g, delta / self.unit)
-        return self._zeros(kind, coefficients(degree) @ f, centre, radius, near_set)
+        g = merge_repeated(self.spectra.at(delta)[:, slice(*near_set)] * self.unit)
+        f = evaluate_circle_function(kind, g, delta / self.unit)
+        return self._zeros(kind, make_coefficient_matrix(degree) @ f, centre, radius, near_set)
 
     def _crossing(self, kind: Kind, delta: float, *, tangent: bool, at_least: int = 1) -> list[Crossing]:
         """The eigenvalue that a zero belongs to, its Δ polished; none if the zero is no crossing.

@@ -19,7 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from icmj.base.array import Array, balance, falling
+from icmj.base.array import Array, argsort_descending, balance
 from icmj.controller.law import Law
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, match_ports
@@ -93,11 +93,11 @@ def rightmost_roots(loop: DelayLoop, count: int = 4) -> np.ndarray:
     """
     if not len(loop.tau):
         roots = np.linalg.eigvals(loop.F).astype(complex)
-        return roots[falling(roots.real, -np.abs(roots.imag), roots.imag)]
+        return roots[argsort_descending(roots.real, -np.abs(roots.imag), roots.imag)]
     points, slow = _FEWEST, _rate(loop)
     while points <= _MOST:
         guesses = np.linalg.eigvals(_generator(loop, points))
-        order = falling(guesses.real.astype(np.float64), np.abs(guesses.imag).astype(np.float64))
+        order = argsort_descending(guesses.real.astype(np.float64), np.abs(guesses.imag).astype(np.float64))
         # what turns faster than these points can follow is none, and stands in crowds
         guesses = guesses[order][np.abs(guesses[order]) * loop.tau.max() < points][: 2 * count + 4]
         found = _distinct([root for guess in guesses if (root := _polish(loop, complex(guess))) is not None], slow)
@@ -209,7 +209,7 @@ def _distinct(roots: list[complex], slow: float) -> np.ndarray:
         if not any(abs(root - other) < _SAME * (slow + abs(root)) for other in kept):
             kept.append(root)
     whole = np.array([each for root in kept for each in ([root, root.conjugate()] if root.imag else [root])])
-    return whole[falling(whole.real, -np.abs(whole.imag), whole.imag)] if len(whole) else whole
+    return whole[argsort_descending(whole.real, -np.abs(whole.imag), whole.imag)] if len(whole) else whole
 
 
 def _rate(loop: DelayLoop) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, falling, leading
+from icmj.base.array import Array, argmax_abs, argsort_descending
 
 # an eigenvalue that is defective in exact arithmetic gives about 1e7 in rounded: the line is drawn below that
 ILL_CONDITIONED = 1e6
@@ -30,7 +30,7 @@ class Eigenstructure:
     diagonal: bool
 
 
-def eigenstructure(phi: Array, sign: int) -> Eigenstructure:
+def compute_eigenstructure(phi: Array, sign: int) -> Eigenstructure:
     """Eigenstructure of φ(Δ_crit) with its eigenvalue ``sign`` = ±1 first.
 
     The critical row is always the left null vector w of φ ∓ I, scaled to w V_{k₁} = 1. The others come from V⁻¹,
@@ -40,10 +40,10 @@ def eigenstructure(phi: Array, sign: int) -> Eigenstructure:
     size = len(phi)
     U, _, Vh = np.linalg.svd(phi - sign * np.eye(size))
     v, w = Vh[-1], U[:, -1]
-    v = v * np.sign(v[leading(v)])
+    v = v * np.sign(v[argmax_abs(v)])
     values, V = np.linalg.eig(phi)
     k = int(np.abs(values - sign).argmin())
-    others = [int(i) for i in falling(np.abs(values), values.real, values.imag) if i != k]
+    others = [int(i) for i in argsort_descending(np.abs(values), values.real, values.imag) if i != k]
     order = np.array([k, *others])
     V = V[:, order].astype(complex)
     V[:, 0] = v

@@ -15,13 +15,13 @@ from functools import cached_property
 
 import numpy as np
 
-from icmj.base.array import Array, exponential, real
+from icmj.base.array import Array, compute_exponential, real
 from icmj.controller.closed_loop import ERRORS, compose
 from icmj.controller.controller import Controller
 from icmj.controller.delay import NO_DELAY, Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold, system_matched
-from icmj.controller.model_prediction import predictor
+from icmj.controller.model_prediction import make_predictor
 from icmj.controller.trigger import ClockTrigger
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, Match, match_ports, transformation
@@ -113,9 +113,9 @@ class ErrorSystem:
         """X̄ right after the action of an event from the state w at the event; shape (N, N_w)."""
         if not self.delay:
             return self.T_bar
-        flown = exponential(self.A_C * self.delay.t_d)
+        flown = compute_exponential(self.A_C * self.delay.t_d)
         original = self.to_original(np.eye(len(self.A_C))).T  # (x, x_o, x_h) from X̄
-        E_p = predictor(self.design, self.hold or system_matched(self.design), self.delay.predicted)
+        E_p = make_predictor(self.design, self.hold or system_matched(self.design), self.delay.predicted)
         flown[self.n + self.n_hat :] = E_p @ original[self.n :] - self.T_hat @ flown[: self.n]
         return np.asarray(flown)
 
@@ -125,7 +125,7 @@ class ErrorSystem:
         Without a delay w = x̄ and φ(Δ) = 𝔗 A_D e^{Ā_C Δ} 𝔗̄ (eq. pd). With a delay w = X̄ and
         φ(Δ) = e^{Ā_C (Δ − t_d)} R.
         """
-        return np.asarray(self.exit @ exponential(self.A_C * (delta - self.delay.t_d)) @ self.entry)
+        return np.asarray(self.exit @ compute_exponential(self.A_C * (delta - self.delay.t_d)) @ self.entry)
 
     def start(self, w: Array) -> tuple[Array, Array, Array]:
         """(x, x_o, x_h) right after an event with the state w, shapes (n,), (n̂,), (n̂,)."""

@@ -13,14 +13,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, exponential, falling
+from icmj.base.array import Array, argsort_descending, compute_exponential
 from icmj.controller.closed_loop import compose
 from icmj.controller.controller import Controller
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import EventRule
 from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.error_system import ErrorSystem
-from icmj.theory.flow import Flow, flow
+from icmj.theory.flow import Flow, make_flow
 from icmj.theory.orbit import Orbit, find_ties
 from icmj.theory.reduction import Reduction
 
@@ -28,22 +28,22 @@ from icmj.theory.reduction import Reduction
 _FOLLOWED = 200
 
 
-def jacobian(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
+def compute_jacobian(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
     """J = φ − (𝔗A_D Ā_C X⁻)(g e^{Ā_CΔ}𝔗̄)/(g Ā_C X⁻), with g the gradient of E at X⁻, shape (n + n̂, n + n̂).
 
     For the paper's rule g = 2X⁻ᵀM with M = 𝔗_tᵀQ_t𝔗_t; in general it is the gradient on the active face.
 
     NaN throughout where E grazes zero at the event (E' = 0): the map has no derivative there.
     """
-    return np.asarray(jacobians(system, trigger, orbit, prepared=prepared)[0])
+    return np.asarray(compute_jacobians(system, trigger, orbit, prepared=prepared)[0])
 
 
-def jacobians(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
+def compute_jacobians(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
     """J on each of the faces that the orbit reaches together, the active one first; shape (F', n + n̂, n + n̂).
 
-    Beside an orbit that reaches several, the map is the J of the face that is reached first there; see :func:`growth`.
+    Beside an orbit that reaches several, the map is the J of the face that is reached first (:func:`compute_growth`).
     """
-    e_A = (prepared or flow(system.A_C)).exponential(orbit.delta - system.delay.t_d)
+    e_A = (prepared or make_flow(system.A_C)).exponential(orbit.delta - system.delay.t_d)
     X = e_A @ (system.entry @ orbit.x_bar)
     faces, e = trigger.faces(system.design), system.T_t @ X
     velocity, flight = system.A_C @ X, e_A @ system.entry
@@ -58,20 +58,20 @@ def jacobians(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared
     return np.array(found)
 
 
-def event_shift(system: ErrorSystem, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
+def compute_event_shift(system: ErrorSystem, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
     """𝔗A_D Ā_C X⁻, by which the state at the event of an orbit moves for each second that it comes later."""
-    e_A = (prepared or flow(system.A_C)).exponential(orbit.delta - system.delay.t_d)
+    e_A = (prepared or make_flow(system.A_C)).exponential(orbit.delta - system.delay.t_d)
     return np.asarray(system.exit @ (system.A_C @ (e_A @ (system.entry @ orbit.x_bar))))
 
 
-def growth(J: Array, shift: Array, sign: int) -> float:
+def compute_growth(J: Array, shift: Array, sign: int) -> float:
     """The factor per event by which a deviation grows in the long run beside an orbit that reaches several faces.
 
     To first order, the face that is reached first deciding from event to event; over deviations in many directions.
 
     Args:
         J: on each face, shape (F', m, m); they differ by matrices of rank one, shift times a row.
-        shift: :func:`event_shift`, shape (m,).
+        shift: :func:`compute_event_shift`, shape (m,).
         sign: of the orbit.
     """
     size = J.shape[1]
@@ -86,7 +86,7 @@ def growth(J: Array, shift: Array, sign: int) -> float:
     return float(np.exp(total.max() / _FOLLOWED))
 
 
-def stands_still(R: Array, A_h: Array) -> bool:
+def is_still(R: Array, A_h: Array) -> bool:
     """Whether R x_h does not move between events, as with a zero-order hold."""
     return bool((np.abs(R @ A_h) <= 1e-12 * (np.abs(R) @ np.abs(A_h))).all())
 
@@ -107,18 +107,18 @@ def is_alternating(system: ErrorSystem, trigger: EventRule, orbit: Orbit, reduce
     x_o, e = np.hstack([system.T_hat, one, 0 * one]) @ system.lift, orbit.e_hp[-1]
     for face in find_ties(faces.squares(faces.R @ e)):
         R = faces.R[faces.rows(int(face))]
-        if not stands_still(R, A_h) or reduced.shown_by((R @ e)[None] @ R @ x_o).any():
+        if not is_still(R, A_h) or reduced.shown_by((R @ e)[None] @ R @ x_o).any():
             return False
     return True
 
 
-def multipliers(J: Array) -> NDArray[np.complex128]:
+def compute_multipliers(J: Array) -> NDArray[np.complex128]:
     """Eigenvalues of J by falling magnitude, shape (n + n̂,)."""
     values = np.linalg.eigvals(J).astype(complex)
-    return values[falling(np.abs(values), values.real, values.imag)]
+    return values[argsort_descending(np.abs(values), values.real, values.imag)]
 
 
-def clocked_map(plant: LinearPlant, controller: Controller) -> Array:
+def compute_clocked_map(plant: LinearPlant, controller: Controller) -> Array:
     """Matrix from (x, a) right after one event to (x, a) right after the next, shape (n + N_a, n + N_a).
 
     Args:
@@ -128,11 +128,11 @@ def clocked_map(plant: LinearPlant, controller: Controller) -> Array:
     loop = compose(plant, controller)
     interval, delay = controller.trigger.clock, controller.delay
     if not delay:
-        return np.asarray(loop.J @ exponential(loop.F * interval))
+        return np.asarray(loop.J @ compute_exponential(loop.F * interval))
     # of the events under way one acts in each interval; where the delay is a multiple of it, just before the next event
     acts = delay.t_d - (delay.in_flight(interval) - 1) * interval
     rest = max(interval - acts, 0.0)
-    return np.asarray(loop.J @ exponential(loop.F * rest) @ loop.G @ exponential(loop.F * acts))
+    return np.asarray(loop.J @ compute_exponential(loop.F * rest) @ loop.G @ compute_exponential(loop.F * acts))
 
 
 def is_stable(plant: LinearPlant, controller: Controller) -> bool:
@@ -140,4 +140,4 @@ def is_stable(plant: LinearPlant, controller: Controller) -> bool:
 
     Predictions are remembered, so that some are zero; none can be one that nothing sees.
     """
-    return bool(np.abs(np.linalg.eigvals(clocked_map(plant, controller))).max() < 1)
+    return bool(np.abs(np.linalg.eigvals(compute_clocked_map(plant, controller))).max() < 1)

@@ -23,7 +23,7 @@ _STIFFEST = 1e-6 / np.finfo(float).eps
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """The flow X̄' = Ā_C X̄, prepared by :func:`flow`.
+    """The flow X̄' = Ā_C X̄, prepared by :func:`make_flow`.
 
     Attributes:
         A_C: Ā_C, shape (N, N).
@@ -120,7 +120,7 @@ class Flow:
         return F * self.scale[:, None] / self.scale
 
 
-def flow(A_C: Array) -> Flow:
+def make_flow(A_C: Array) -> Flow:
     """Prepare the flow of Ā_C.
 
     Raises:

@@ -22,7 +22,7 @@ _ALIKE = 1e-3  # relative distance at which the rate of a mode that grows is not
 _GAP = 10.0  # and those that decay no more than so many times as fast as one of these, up to a thousandth of the matrix
 
 
-def unseen(A: Array, C: Array) -> Array:
+def find_unseen(A: Array, C: Array) -> Array:
     """Orthonormal basis of the unobservable subspace of (A, C) within the modes that do not clearly decay.
 
     Args:
@@ -40,7 +40,7 @@ def unseen(A: Array, C: Array) -> Array:
     # the line is drawn in the middle of the gap, where rounding moves no eigenvalue across it
     line = (decay[:first].max(initial=-size) + decay[first:].min(initial=2 * size)) / 2
     try:
-        V = span(A, lambda mu: -mu.real <= line)
+        V = find_span(A, lambda mu: -mu.real <= line)
     except np.linalg.LinAlgError:
         V = np.eye(len(A))  # the gap is too narrow: all modes are looked at
     return _within(A, V, C)
@@ -62,7 +62,7 @@ def _within(A: Array, V: Array, C: Array) -> Array:
     return V @ N
 
 
-def span(A: Array, wanted: Callable[[complex], bool]) -> Array:
+def find_span(A: Array, wanted: Callable[[complex], bool]) -> Array:
     """Orthonormal basis of the invariant subspace of the eigenvalues that are ``wanted``, shape (N, r)."""
     from scipy.linalg import schur
 
@@ -72,28 +72,28 @@ def span(A: Array, wanted: Callable[[complex], bool]) -> Array:
     return np.asarray(Z[:, :count])
 
 
-def neutral(A: Array, C: Array) -> Array:
+def find_neutral(A: Array, C: Array) -> Array:
     """Orthonormal basis of what (A, C) does not see and what neither grows nor decays, shape (N, r)."""
-    return lasting(A, unseen(A, C))
+    return select_lasting(A, find_unseen(A, C))
 
 
-def lasting(A: Array, V: Array) -> Array:
+def select_lasting(A: Array, V: Array) -> Array:
     """The part of the invariant subspace V whose modes neither grow nor decay, shape (N, r)."""
-    A_V, error = V.T @ A @ V, error_of(A)
-    return V @ span(A_V, lambda mu: are_together(A_V, mu, 1j * mu.imag, error))
+    A_V, error = V.T @ A @ V, estimate_error(A)
+    return V @ find_span(A_V, lambda mu: are_together(A_V, mu, 1j * mu.imag, error))
 
 
-def growing(A: Array, V: Array, C: Array) -> Array:
+def select_growing(A: Array, V: Array, C: Array) -> Array:
     """The part of the invariant subspace V that C does not see either, and whose modes grow, shape (N, r)."""
     N = _within(A, V, C)
-    A_N, error, rates = N.T @ A @ N, error_of(A), np.linalg.eigvals(A)
+    A_N, error, rates = N.T @ A @ N, estimate_error(A), np.linalg.eigvals(A)
     # where the rest is so fast that what sticks out of N is small beside it and not beside N, N has rates of its own
     if any(np.abs(rates - mu).min() > _ALIKE * abs(mu) for mu in np.linalg.eigvals(A_N) if mu.real > error):
         return N[:, :0]
-    return N @ span(A_N, lambda mu: mu.real > 0 and not are_together(A_N, mu, 1j * mu.imag, error))
+    return N @ find_span(A_N, lambda mu: mu.real > 0 and not are_together(A_N, mu, 1j * mu.imag, error))
 
 
-def error_of(A: Array) -> float:
+def estimate_error(A: Array) -> float:
     """The error of A that its modes have to stand [1/s]."""
     return _ERROR * float(np.linalg.norm(A))
 
@@ -109,7 +109,7 @@ def are_together(A: Array, a: complex, b: complex, error: float) -> bool:
     return bool(gap.max() <= error)
 
 
-def groups(A: Array, error: float) -> list[tuple[tuple[complex, ...], Array]]:
+def group_eigenvalues(A: Array, error: float) -> list[tuple[tuple[complex, ...], Array]]:
     """Eigenvalues of A that are together (a conjugate pair is), each group with its invariant subspace.
 
     A defective eigenvalue comes out of rounding as several near each other; their mean is given for each.
@@ -129,11 +129,11 @@ def groups(A: Array, error: float) -> list[tuple[tuple[complex, ...], Array]]:
         im = 0.0 if are_together(A, complex(re, im), re, error) else im
         re = 0.0 if are_together(A, complex(re, im), 1j * im, error) else re
         signs = [1.0 if mu.imag >= 0 else -1.0 for mu in here]
-        found.append((tuple(complex(re, sign * im if im else 0.0) for sign in signs), span(A, near)))
+        found.append((tuple(complex(re, sign * im if im else 0.0) for sign in signs), find_span(A, near)))
     return found
 
 
-def complement(V: Array) -> Array:
+def complete_basis(V: Array) -> Array:
     """Orthonormal basis of what is orthogonal to the columns of V, shape (N, N − r)."""
     return np.asarray(np.linalg.qr(V, mode="complete")[0][:, V.shape[1] :])
 

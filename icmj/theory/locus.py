@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from icmj.base.array import Array
 from icmj.errors import AnalysisError
 from icmj.theory.error_system import ErrorSystem
-from icmj.theory.flow import Flow, flow
+from icmj.theory.flow import Flow, make_flow
 
 POINTS = 256
 _HALVINGS = 4
@@ -36,7 +36,7 @@ class Locus:
         return np.abs(self.eigenvalues).max(axis=1)
 
 
-def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepared: Flow | None = None) -> Locus:
+def follow_locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepared: Flow | None = None) -> Locus:
     """The eigenvalue branches on (t_d, ``delta_max``] at equal steps, followed on a finer grid where needed.
 
     Where φ grows beyond what numbers hold, the range ends before.
@@ -55,7 +55,7 @@ def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepar
     t_d = system.delay.t_d
     if delta_max <= t_d:
         raise AnalysisError(f"no interval is shorter than the delay, {t_d:g} s; the locus must end beyond it")
-    phi_t = prepared or flow(system.A_C)
+    phi_t = prepared or make_flow(system.A_C)
     with np.errstate(over="ignore", invalid="ignore"):
         delta, states = phi_t.trajectory(system.entry, delta_max - t_d, points)
         phi = system.exit @ states[1:]
@@ -75,14 +75,14 @@ def locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepar
             break
         middle = (delta[unclear] + delta[unclear + 1]) / 2
         delta = np.insert(delta, unclear + 1, middle)
-        values = np.insert(values, unclear + 1, spectra(system, phi_t, middle), axis=0)
+        values = np.insert(values, unclear + 1, compute_spectra(system, phi_t, middle), axis=0)
         wanted = np.insert(wanted, unclear + 1, False)
         moved = unclear + np.arange(len(unclear))
         check = np.column_stack([moved, moved + 1]).reshape(-1)
     return Locus(delta[wanted], follow(delta, values)[wanted])
 
 
-def spectra(system: ErrorSystem, prepared: Flow, delta: Array) -> NDArray[np.complex128]:
+def compute_spectra(system: ErrorSystem, prepared: Flow, delta: Array) -> NDArray[np.complex128]:
     """Eigenvalues of φ(Δ) at each Δ, unordered, shape (M, n + n̂)."""
     phi = system.exit @ prepared.exponential(delta - system.delay.t_d) @ system.entry
     return np.linalg.eigvals(phi).astype(complex)

@@ -14,7 +14,7 @@ MOST_MODES = 16
 
 
 @singledispatch
-def loops_of(law: Law, plant: LinearPlant) -> dict[str, DelayLoop]:
+def list_loops(law: Law, plant: LinearPlant) -> dict[str, DelayLoop]:
     """The loops of ``plant`` under a controller that stays in one mode, by mode; of very many modes, of the first.
 
     Raises:
@@ -23,6 +23,6 @@ def loops_of(law: Law, plant: LinearPlant) -> dict[str, DelayLoop]:
     return {mode.name: delay_loop(plant, law, i) for i, mode in enumerate(law.realisation.modes[:MOST_MODES])}
 
 
-@loops_of.register
+@list_loops.register
 def _(law: PredictorController, plant: LinearPlant) -> dict[str, DelayLoop]:
     return {"predictor": predictor_loop(plant, law)}

@@ -63,7 +63,7 @@ def describe_mode(
     return NeutralMode(kind, rates, states, seen_by, words)
 
 
-def carriers(weights: np.ndarray, names: tuple[str, ...]) -> tuple[str, ...]:
+def name_carriers(weights: np.ndarray, names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of the entries that carry a mode: those of at least a thousandth of the largest weight."""
     if not len(weights) or not weights.max() > 0:
         return ()

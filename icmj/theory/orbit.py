@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, leading
-from icmj.base.bernstein import maxima
+from icmj.base.array import Array, argmax_abs
+from icmj.base.bernstein import find_maxima
 from icmj.controller.trigger import EventRule, Faces
 from icmj.errors import AnalysisError
 from icmj.theory.error_system import ErrorSystem
-from icmj.theory.flow import Flow, flow
-from icmj.theory.reduction import Reduction, reduction
+from icmj.theory.flow import Flow, make_flow
+from icmj.theory.reduction import Reduction, reduce_system
 
 SAMPLES = 256
 # E closer to zero than this (relative to the squared threshold) counts as reached: a rule in floating point would fire
@@ -72,7 +72,7 @@ class Orbit:
     drift: Array | None = None
 
 
-def critical_vectors(phi: Array, sign: int, count: int = 1) -> Array:
+def compute_critical_vectors(phi: Array, sign: int, count: int = 1) -> Array:
     """V_{k₁}: eigenvectors of φ at the eigenvalue ``sign``, unit norm, largest entry positive, shape (n + n̂, count).
 
     The null vectors of φ ∓ I from its singular values; sound also where V as a whole has no usable inverse. Several
@@ -85,10 +85,10 @@ def critical_vectors(phi: Array, sign: int, count: int = 1) -> Array:
         own = qr(V.T, pivoting=True, mode="r")[1][:count]
         V = V @ np.linalg.inv(V[own])
         V /= np.linalg.norm(V, axis=0)
-    return np.asarray(V * np.array([np.sign(v[leading(v)]) for v in V.T]))
+    return np.asarray(V * np.array([np.sign(v[argmax_abs(v)]) for v in V.T]))
 
 
-def orbit(
+def compute_orbit(
     system: ErrorSystem,
     trigger: EventRule,
     delta: float,
@@ -122,14 +122,14 @@ def orbit(
     if not (np.isfinite(delta) and delta > 0):
         raise AnalysisError(f"an orbit's interval must be positive, got {delta}")
     faces = trigger.faces(system.design)
-    phi_t = prepared or flow(system.A_C)
-    reduced = reduced or reduction(system, phi_t)
+    phi_t = prepared or make_flow(system.A_C)
+    reduced = reduced or reduce_system(system, phi_t)
     t_d = system.delay.t_d
     if not delta > t_d:
         raise AnalysisError(f"an orbit's interval must be longer than the delay, {t_d:g} s; got {delta}")
     phi = system.exit @ phi_t.exponential(delta - t_d) @ system.entry
     if vector is None:
-        vector = critical_vectors(reduced.phi(delta), sign)[:, 0]
+        vector = compute_critical_vectors(reduced.phi(delta), sign)[:, 0]
     v, drift = _start(reduced, phi, sign, vector)
     # cells short enough for one Taylor series each, so that every signal is a polynomial between grid points
     points = max(SAMPLES, int(np.ceil(delta / phi_t.reach)))
@@ -198,7 +198,7 @@ def orbit(
 def _start(reduced: Reduction, phi: Array, sign: int, vector: Array) -> tuple[Array, Array]:
     """The state right after an event on the orbit, of unit norm, and how far one interval carries it away."""
     v = reduced.complete(vector, phi, sign)
-    v = v * (np.sign(v[leading(v)]) / np.linalg.norm(v))
+    v = v * (np.sign(v[argmax_abs(v)]) / np.linalg.norm(v))
     return v, phi @ v - sign * v if reduced.modes else np.zeros(len(v))
 
 
@@ -229,7 +229,7 @@ def _polynomials(prepared: Flow, X: Array, h: float) -> Iterator[Array]:
 def _highest(polynomials: Array, rows: Array) -> Array:
     """Highest value of each row, then of each row's negative, shape (2 rows,)."""
     signals = polynomials @ rows.T
-    return maxima(np.concatenate([signals, -signals], axis=2)).value
+    return find_maxima(np.concatenate([signals, -signals], axis=2)).value
 
 
 def _obstacle(levels: Array, reached: NDArray[np.intp], delta_min: float, t: Array, t_d: float) -> str:
@@ -260,12 +260,12 @@ def _obstacle(levels: Array, reached: NDArray[np.intp], delta_min: float, t: Arr
         watched = cells[:, :-1, j] if j in reached else cells[:, :, j]
         if not watched.shape[1]:
             continue
-        highest = maxima(watched[:, :, None])
+        highest = find_maxima(watched[:, :, None])
         if highest.value[0] >= -TOUCH:
             cell = int(highest.cell[0])
             s = highest.s[0] if cell else cut + (1 - cut) * highest.s[0]
             return _earlier(t_d + (first + cell + s) * h, highest.value[0])
-    in_last = maxima(last[:, None, :])
+    in_last = find_maxima(last[:, None, :])
     if in_last.value.max() >= 0:
         return _earlier(t_d + (len(t) - 2 + in_last.s[in_last.value.argmax()]) * h, 0.0)
     return ""

@@ -36,7 +36,7 @@ class OrbitFamily:
     words: str
 
 
-def family(basis: Array, tried: int, admissible: int, attracting: int, sign: int) -> OrbitFamily:
+def describe_family(basis: Array, tried: int, admissible: int, attracting: int, sign: int) -> OrbitFamily:
     """The record with its sentence; ``basis`` in x̄, columns of any size."""
     k = basis.shape[1]
     members = f"of {tried} members looked at {admissible} are admissible and {attracting} attract"

@@ -35,7 +35,7 @@ class Outlook:
     growing: bool
 
 
-def outlook(system: ErrorSystem, reduced: Reduction, end: float, *, any_kind: bool) -> Outlook:
+def look_beyond(system: ErrorSystem, reduced: Reduction, end: float, *, any_kind: bool) -> Outlook:
     """Look from ``end`` [s] on, for a crossing of any kind or for one at ±1."""
     if not reduced.left.size:
         return Outlook(None, False)

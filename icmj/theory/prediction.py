@@ -20,16 +20,23 @@ from icmj.controller.trigger import ClockTrigger, EventRule, expect_rule
 from icmj.errors import AnalysisError
 from icmj.theory.crossing import Crossing, Kind
 from icmj.theory.crossings import check_range, search
-from icmj.theory.eigenstructure import eigenstructure
+from icmj.theory.eigenstructure import compute_eigenstructure
 from icmj.theory.error_system import ErrorSystem
-from icmj.theory.event_maps import event_shift, growth, is_alternating, is_stable, jacobians, multipliers
-from icmj.theory.flow import Flow, flow
+from icmj.theory.event_maps import (
+    compute_event_shift,
+    compute_growth,
+    compute_jacobians,
+    compute_multipliers,
+    is_alternating,
+    is_stable,
+)
+from icmj.theory.flow import Flow, make_flow
 from icmj.theory.neutral_modes import NeutralMode
-from icmj.theory.orbit import Orbit, critical_vectors
-from icmj.theory.orbit import orbit as orbit_at
-from icmj.theory.orbit_family import OrbitFamily, family
-from icmj.theory.outlook import Outlook, outlook
-from icmj.theory.reduction import Reduction, mixtures, modulo, reduction, stable_modulo_neutral
+from icmj.theory.orbit import Orbit, compute_critical_vectors
+from icmj.theory.orbit import compute_orbit as orbit_at
+from icmj.theory.orbit_family import OrbitFamily, describe_family
+from icmj.theory.outlook import Outlook, look_beyond
+from icmj.theory.reduction import Reduction, divide_by_family, is_stable_modulo_neutral, list_mixtures, reduce_system
 
 PREDICTION = (
     Fact("delta_crit", "critical interval Δ_crit", "s", "critical open-loop interval", attrgetter("delta_crit")),
@@ -197,12 +204,12 @@ class Prediction(WithCard):
     @property
     def paper(self) -> Crossing | None:
         """The crossing that defines Δ_crit in the paper; ``None`` without one at ±1."""
-        return critical_crossing(self.crossings)[0]
+        return find_critical_crossing(self.crossings)[0]
 
     @property
     def by_paper(self) -> bool:
         """Whether the paper's condition predicts a cycle: a rising crossing at ±1 with all other eigenvalues inside."""
-        return critical_crossing(self.crossings)[1]
+        return find_critical_crossing(self.crossings)[1]
 
     def about(self, found: PredictedOrbit) -> Prediction:
         """The same prediction with another orbit of the catalogue as the one at Δ_crit."""
@@ -287,13 +294,13 @@ def predict(
     report = progress or (lambda _: None)
     expect_rule(trigger)
     check_range(system, delta_max)
-    prepared = flow(system.A_C)
+    prepared = make_flow(system.A_C)
     prepared.demand(delta_max)
-    reduced = reduction(system, prepared)
+    reduced = reduce_system(system, prepared)
     found = search(system, delta_max, reduced=reduced, progress=lambda done: report(0.9 * done))
-    paper, ahead = critical_crossing(found.crossings)[0], Outlook(None, False)
+    paper, ahead = find_critical_crossing(found.crossings)[0], Outlook(None, False)
     if paper is None:
-        ahead = outlook(system, reduced, found.delta_end, any_kind=not found.crossings)
+        ahead = look_beyond(system, reduced, found.delta_end, any_kind=not found.crossings)
     orbits = tuple(_catalogue(system, trigger, found.crossings, paper, prepared, reduced))
     report(1.0)
     nothing = Prediction(
@@ -310,7 +317,7 @@ def predict(
         verdict="none",
         v_condition=float("nan"),
         V_inv=None,
-        state_feedback_stable=stable_modulo_neutral(
+        state_feedback_stable=is_stable_modulo_neutral(
             system.actual.A - system.actual.B @ system.k, system.actual.B, system.k
         ),
         observer_feedback_stable=_observer_feedback_stable(system, reduced),
@@ -363,9 +370,9 @@ def _predict_orbit(
 ) -> PredictedOrbit:
     sign = 1 if critical.kind == "+1" else -1
     phi = reduced.phi(critical.delta)
-    basis = critical_vectors(phi, sign, critical.dimension)
+    basis = compute_critical_vectors(phi, sign, critical.dimension)
     members = []
-    for mixture in mixtures(critical.dimension):
+    for mixture in list_mixtures(critical.dimension):
         vector = basis @ mixture
         vector = basis[:, 0] if len(mixture) == 1 else vector / np.linalg.norm(vector)
         orbit = orbit_at(system, trigger, critical.delta, sign, prepared=prepared, reduced=reduced, vector=vector)
@@ -374,12 +381,12 @@ def _predict_orbit(
     # of a family the member shown is one that a motion can come to, if there is one
     best = min(range(len(members)), key=lambda i: VERDICTS.index(verdicts[i]))
     # without neutral modes χ is of x̄ in its own units
-    structure = eigenstructure(phi if reduced.modes else reduced.lift @ phi @ reduced.project, sign)
+    structure = compute_eigenstructure(phi if reduced.modes else reduced.lift @ phi @ reduced.project, sign)
     whole, V_inv = None, None
     if len(members) > 1:
         x_bar = np.column_stack([reduced.complete(v, system.phi(critical.delta), sign) for v in basis.T])
         admissible = len(verdicts) - verdicts.count("not admissible")
-        whole = family(x_bar, len(members), admissible, verdicts.count("family"), sign)
+        whole = describe_family(x_bar, len(members), admissible, verdicts.count("family"), sign)
     elif structure.V_inv is not None:
         V_inv = structure.V_inv
         if reduced.modes:
@@ -400,17 +407,17 @@ def _judge(
     Of several faces reached together, they are those of the face on which the largest is; where the faces differ in
     them, what is followed to first order decides.
     """
-    J = reduced.project @ jacobians(system, trigger, orbit, prepared=prepared) @ reduced.lift
+    J = reduced.project @ compute_jacobians(system, trigger, orbit, prepared=prepared) @ reduced.lift
     if not np.isfinite(J).all():
         return None, "not admissible"
-    found = [multipliers(modulo(one, basis, orbit.sign)) for one in J]
+    found = [compute_multipliers(divide_by_family(one, basis, orbit.sign)) for one in J]
     alternating = is_alternating(system, trigger, orbit, reduced)
     if alternating:
         found = [np.delete(values, np.abs(values - 1).argmin()) for values in found]
     sizes = [np.abs(values).max(initial=0.0) for values in found]
     largest, least = max(sizes), 1 - RELATIVE_ROUNDING
     if basis.shape[1] == 1 and np.ptp(sizes) > ALIKE:
-        largest = growth(J, reduced.project @ event_shift(system, orbit, prepared=prepared), orbit.sign)
+        largest = compute_growth(J, reduced.project @ compute_event_shift(system, orbit, prepared=prepared), orbit.sign)
         least = 1 + SLOW_GROWTH if alternating else least  # +1 is still among what is followed there
     if not orbit.admissible:
         verdict: Verdict = "not admissible"
@@ -421,7 +428,7 @@ def _judge(
     return found[int(np.argmax(sizes))], verdict
 
 
-def critical_crossing(crossings: tuple[Crossing, ...]) -> tuple[Crossing | None, bool]:
+def find_critical_crossing(crossings: tuple[Crossing, ...]) -> tuple[Crossing | None, bool]:
     """The crossing that defines Δ_crit in the paper, and whether it predicts a cycle by its condition."""
     real = [c for c in crossings if c.kind != "complex"]
     for c in real:
@@ -446,7 +453,7 @@ def _stable(A: Array) -> bool:
     return bool(np.linalg.eigvals(A).real.max(initial=-np.inf) < 0)
 
 
-def scaled(prediction: Prediction, factor: float) -> Prediction:
+def scale_prediction(prediction: Prediction, factor: float) -> Prediction:
     """The prediction for a threshold that is ``factor`` times as large; the loop is linear (eq. gamma)."""
     return replace(
         prediction,

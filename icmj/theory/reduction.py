@@ -22,9 +22,17 @@ from numpy.typing import NDArray
 from icmj.base.array import Array, balance
 from icmj.errors import AnalysisError
 from icmj.theory.error_system import ErrorSystem
-from icmj.theory.flow import Flow, flow
-from icmj.theory.invariant_subspaces import complement, error_of, groups, growing, lasting, neutral, unseen
-from icmj.theory.neutral_modes import NeutralKind, NeutralMode, carriers, describe_mode
+from icmj.theory.flow import Flow, make_flow
+from icmj.theory.invariant_subspaces import (
+    complete_basis,
+    estimate_error,
+    find_neutral,
+    find_unseen,
+    group_eigenvalues,
+    select_growing,
+    select_lasting,
+)
+from icmj.theory.neutral_modes import NeutralKind, NeutralMode, describe_mode, name_carriers
 
 _SHOWS = 1e-8  # an output sees a mode above this, relative to its row
 
@@ -94,7 +102,7 @@ class Reduction:
         return np.asarray(self.left @ self.flow.exponential(delta - self.t_d) @ self.right)
 
 
-def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
+def reduce_system(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
     """Balance the system, and remove the neutral directions.
 
     Args:
@@ -104,7 +112,7 @@ def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
     Raises:
         AnalysisError: if Ā_C is not finite, or there are neutral directions and a delay; it names their states.
     """
-    whole = prepared or flow(system.A_C)
+    whole = prepared or make_flow(system.A_C)
     size, n_hat = system.n + system.n_hat, system.n_hat
     H = np.eye(len(system.A_C))  # X̄ = H (x̄, e_hp)
     H[size:, system.n : size] = np.eye(n_hat)
@@ -113,18 +121,18 @@ def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
         A, scale = balance(A)
         e_hp = np.eye(len(A))[size:]
         felt, shown = np.vstack([e_hp, (system.C_u @ H) * scale]), (system.C_y @ H) * scale
-        unfelt = unseen(A, felt)
-        D = np.linalg.qr(np.hstack([lasting(A, unfelt), growing(A, unfelt, shown)]))[0][:size]
-        A_q = _kept(A, complement(D))
-        L = neutral(A_q.T, np.eye(len(A_q))[-n_hat:])[: len(A_q) - n_hat]
+        unfelt = find_unseen(A, felt)
+        D = np.linalg.qr(np.hstack([select_lasting(A, unfelt), select_growing(A, unfelt, shown)]))[0][:size]
+        A_q = restrict_system(A, complete_basis(D))
+        L = find_neutral(A_q.T, np.eye(len(A_q))[-n_hat:])[: len(A_q) - n_hat]
     except np.linalg.LinAlgError as error:
         raise AnalysisError(
             f"not analysable, because the modes of the error system cannot be distinguished ({error})"
         ) from error
     if not D.shape[1] and not L.shape[1]:
         return _balance_whole(system, whole)
-    Q = complement(D)
-    R = Q @ complement(L)
+    Q = complete_basis(D)
+    R = Q @ complete_basis(L)
     named = _ModeNames(system, A, scale, shown)
     modes = [*named.unfelt(D), *named.unmoved(Q @ L)]
     if system.delay:
@@ -132,7 +140,7 @@ def reduction(system: ErrorSystem, prepared: Flow | None = None) -> Reduction:
     m, s = R.shape[1], scale[:size]
     left = np.eye(m, m + n_hat)
     return Reduction(
-        flow(_kept(A, R)),
+        make_flow(restrict_system(A, R)),
         left,
         left.T.copy(),
         R.T / s,
@@ -164,7 +172,7 @@ def _balance_whole(system: ErrorSystem, whole: Flow) -> Reduction:
     return Reduction(own, left, right, np.diag(1 / s), np.diag(s), empty, empty.T, empty.T, s, (), system.delay.t_d)
 
 
-def _kept(A: Array, R: Array) -> Array:
+def restrict_system(A: Array, R: Array) -> Array:
     """A on (R x̄_r, e_hp)."""
     rest = len(A) - len(R)
     K = np.zeros((len(A), R.shape[1] + rest))
@@ -184,7 +192,7 @@ class _ModeNames:
         """Records of the modes in the invariant subspace D of x̄."""
         A_D = D.T @ self.A @ D
         found = []
-        for rates, within in groups(A_D, error_of(self.A)):
+        for rates, within in group_eigenvalues(A_D, estimate_error(self.A)):
             V = D @ within
             x, x_o = np.split(V * self.scale[:, None], [self.system.n])
             weights = np.vstack([x, x_o + self.system.T_hat @ x]) / self.scale[:, None]
@@ -192,7 +200,7 @@ class _ModeNames:
             seen = np.linalg.norm(rows @ V, axis=1) > _SHOWS * np.linalg.norm(rows, axis=1)
             outputs = tuple(name for name, sees in zip(self.system.actual.outputs, seen, strict=True) if sees)
             kind: NeutralKind = "unstable" if rates[0].real > 0 else "neutral"
-            drifts = not rates[0].imag and np.abs(within.T @ A_D @ within).max() > error_of(self.A)
+            drifts = not rates[0].imag and np.abs(within.T @ A_D @ within).max() > estimate_error(self.A)
             found.append(describe_mode(kind, rates, self._carried(weights), outputs, drifts=drifts))
         return found
 
@@ -200,7 +208,7 @@ class _ModeNames:
         """Records of the conserved directions in the left-invariant subspace L of x̄."""
         A_L = L.T @ self.A @ L
         found = []
-        for rates, within in groups(A_L, error_of(self.A)):
+        for rates, within in group_eigenvalues(A_L, estimate_error(self.A)):
             x, x_o = np.split((L @ within) / self.scale[:, None], [self.system.n])
             weights = np.vstack([x - self.system.T_hat.T @ x_o, x_o]) * self.scale[:, None]
             found.append(describe_mode("offset", rates, self._carried(weights)))
@@ -209,11 +217,11 @@ class _ModeNames:
     def _carried(self, weights: Array) -> tuple[str, ...]:
         x, x_o = np.split(np.linalg.norm(weights, axis=1), [self.system.n])
         if x.max(initial=0.0) >= 1e-3 * x_o.max(initial=0.0):
-            return carriers(x, self.system.actual.states)
-        return tuple(f"observer's {name}" for name in carriers(x_o, self.system.design.plant.states))
+            return name_carriers(x, self.system.actual.states)
+        return tuple(f"observer's {name}" for name in name_carriers(x_o, self.system.design.plant.states))
 
 
-def stable_modulo_neutral(A: Array, inputs: Array, outputs: Array) -> bool:
+def is_stable_modulo_neutral(A: Array, inputs: Array, outputs: Array) -> bool:
     """Whether ẋ = A x decays, but for neutral modes that ``outputs`` do not see or ``inputs`` cannot change.
 
     Args:
@@ -222,16 +230,16 @@ def stable_modulo_neutral(A: Array, inputs: Array, outputs: Array) -> bool:
         outputs: shape (c, n).
     """
     A, scale = balance(A)
-    Q = complement(neutral(A, outputs * scale))
+    Q = complete_basis(find_neutral(A, outputs * scale))
     A, inputs = Q.T @ A @ Q, Q.T @ (inputs / scale[:, None])
-    R = complement(neutral(A.T, inputs.T))
+    R = complete_basis(find_neutral(A.T, inputs.T))
     return bool(np.linalg.eigvals(R.T @ A @ R).real.max(initial=-np.inf) < 0)
 
 
 _MOST_MEMBERS = 16
 
 
-def mixtures(k: int) -> Array:
+def list_mixtures(k: int) -> Array:
     """Coefficients of the members to look at, the evenly mixed one first, shape (members, k)."""
     if k == 1:
         return np.ones((1, 1))
@@ -239,7 +247,7 @@ def mixtures(k: int) -> Array:
     return np.vstack([np.ones((1, k)), flipped, np.eye(k)])[:_MOST_MEMBERS]
 
 
-def modulo(J: Array, basis: Array, sign: int) -> Array:
+def divide_by_family(J: Array, basis: Array, sign: int) -> Array:
     """J without the family: on the quotient by its tangent space, where J is ±1; shape (m − k + 1, m − k + 1).
 
     Args:
@@ -252,5 +260,5 @@ def modulo(J: Array, basis: Array, sign: int) -> Array:
         return J
     # on the eigenspace J differs from ±1 by a matrix of rank one, which moves the event
     along = np.linalg.svd(J @ basis - sign * basis)[2][1:].T
-    Q = complement(basis @ along)
+    Q = complete_basis(basis @ along)
     return np.asarray(Q.T @ J @ Q)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from icmj.base.array import Array
 from icmj.errors import AnalysisError
-from icmj.theory.circle import TOGETHER, Spectrum, outwards
+from icmj.theory.circle import TOGETHER, Spectrum, sort_outwards
 from icmj.theory.crossing import Kind
-from icmj.theory.flow import flow
+from icmj.theory.flow import make_flow
 from icmj.theory.reduction import Reduction
 
 _CHUNK = 4_000_000  # entries of G worked on at once
@@ -55,7 +55,7 @@ class Spectra:
                 M + error * np.linalg.norm(M, axis=1, keepdims=True) * draw([-1.0, 1.0], M.shape)
                 for M in (reduced.A, reduced.right)
             )
-            self.flow, self.right = flow(A), right if self.t_d else self.right  # of zeros and ones without a delay
+            self.flow, self.right = make_flow(A), right if self.t_d else self.right  # of zeros and ones without a delay
         self._jump = self.left @ self.right - np.eye(len(self.left))  # φ − I at Δ = t_d; zero without a delay
 
     @property
@@ -82,14 +82,14 @@ class Spectra:
             F = (F_a[a] @ self.right + self._jump)[:, None] + (F_a[a] + self.left)[:, None] @ F_s
             G = F / np.where(delta[a] == 0, 1.0, delta[a])[..., None, None]
             G[delta[a] == 0] = at_zero
-            spectra[a] = outwards(_eigenvalues(G), delta[a])
+            spectra[a] = sort_outwards(_eigenvalues(G), delta[a])
             size[a] = np.abs(F).max(axis=(1, 2, 3))
         return delta, spectra, size
 
     def at(self, delta: Array) -> Spectrum:
         """Spectra of G sorted outwards at each Δ > 0, shape (M,) → (M, m)."""
         G = self.left @ self.flow.increment(delta - self.t_d) @ self.right + self._jump
-        return outwards(_eigenvalues(G / delta[:, None, None]), delta)
+        return sort_outwards(_eigenvalues(G / delta[:, None, None]), delta)
 
     def _same(self, G: Array, g: Spectrum, i: int, delta: float) -> NDArray[np.bool_]:
         """Whether each eigenvalue equals the i-th, within rounding or the effect of rounding on a defective one."""

@@ -32,7 +32,7 @@ from icmj.controller.trigger import EventRule, Faces
 from icmj.errors import AnalysisError
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.orbit import Orbit
-from icmj.theory.reduction import Reduction, reduction
+from icmj.theory.reduction import Reduction, reduce_system
 
 LARGEST = 0.25  # of the threshold: SD of the hold error's size at an event up to which the loop counts as linear
 LAGS = 8  # of the correlations that are given
@@ -151,7 +151,7 @@ def predict_spread(system: ErrorSystem, trigger: EventRule, orbit: Orbit, noise:
             )
     if not orbit.admissible:
         raise AnalysisError(f"no spread is predicted about an orbit that is not admissible: {orbit.reason}")
-    reduced, faces = reduction(system), trigger.faces(system.design)
+    reduced, faces = reduce_system(system), trigger.faces(system.design)
     if len(reduced.fixed):
         raise AnalysisError(f"no spread is predicted with a mode that drifts under noise: {reduced.modes[-1].words}")
     beside = [_Beside.of(system, reduced, faces, orbit, noise, order) for order in (_ORDER - 1, _ORDER)]
@@ -221,7 +221,7 @@ class _Beside:
             AnalysisError: if the orbit does not attract.
         """
         N, n, n_hat, t_d = len(system.A_C), system.n, system.n_hat, system.delay.t_d
-        own = [noise_states(of, order) for of in noise]
+        own = [make_noise_states(of, order) for of in noise]
         A, Q = (block_diag(first, *(of[i] for of in own)) for i, first in enumerate((system.A_C, np.zeros((N, N)))))
         size, at = len(A), N
         for of, (states, _) in zip(noise, own, strict=True):
@@ -340,7 +340,7 @@ class _Beside:
         return ""
 
 
-def noise_states(noise: SmallNoise, order: int) -> tuple[Array, Array]:
+def make_noise_states(noise: SmallNoise, order: int) -> tuple[Array, Array]:
     """A_z and Q of ż = A_z z + white noise of the intensity Q, of which the first is the noise, of variance about one.
 
     On a grid of the interval i, with y = ωi/2 and the correlation a of successive values, the inverse spectral density

@@ -31,7 +31,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 from icmj.base import VERSION
-from icmj.base.files import LOCK, clear_leftovers, lock, open_file, read_bytes, ready, regular, whole
+from icmj.base.files import LOCK, clear_leftovers, lock, make_ready, open_file, open_regular, read_bytes, whole
 from icmj.base.text import one_line, parse_json
 from icmj.errors import IcmjError
 
@@ -268,7 +268,7 @@ class Folder:
     def _note(self, line: str) -> None:
         """Add a line, after the end of one that a process or a full disk left unfinished."""
         path = self.path / SUMS
-        with os.fdopen(regular(path, os.O_RDWR | os.O_APPEND | os.O_CREAT), "a+b", buffering=0) as file:
+        with os.fdopen(open_regular(path, os.O_RDWR | os.O_APPEND | os.O_CREAT), "a+b", buffering=0) as file:
             torn = file.seek(0, os.SEEK_END) > 0 and file.seek(-1, os.SEEK_END) >= 0 and file.read(1) != b"\n"
             text = b"\n" * torn + line.encode() + b"\n"
             if file.write(text) != len(text):
@@ -311,7 +311,7 @@ def resume(
             if alone:
                 stack.enter_context(lock(folder.path, of.what))
             stack.enter_context(_clear(folder.path, (f"{of.what}.json", of.parts, SUMS, LOCK) if new else ()))
-            ready(folder.path, SUMS, *beside)
+            make_ready(folder.path, SUMS, *beside)
             if parts.is_symlink():
                 raise error(f"{parts}: is a link, not a folder; {instead}")
             folder.begin(of, instead)

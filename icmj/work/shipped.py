@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from icmj.base.text import nearest
+from icmj.base.text import find_nearest
 from icmj.errors import ModelError
 
 SHIPPED = Path(__file__).resolve().parent.parent / "shipped"
@@ -62,7 +62,7 @@ class Shelf:
         them.
         """
         beside = [str(other) for other in path.parent.glob(f"*{self.suffix}")]
-        near = nearest(str(path), beside) or nearest(path.name.removesuffix(self.suffix), self.files)
+        near = find_nearest(str(path), beside) or find_nearest(path.name.removesuffix(self.suffix), self.files)
         if near is not None:
             return f"; did you mean {near}?"
         kind = "cases" if self.kind == "runs" else self.kind

@@ -31,7 +31,7 @@ from traceback import extract_tb
 from typing import IO, Any, Protocol
 
 from icmj.base import compile_clock, process
-from icmj.base.blas_threads import ignore_warnings, one_thread
+from icmj.base.blas_threads import ignore_warnings, set_one_thread
 from icmj.base.process import collect_garbage_seldom
 from icmj.base.text import one_line
 from icmj.errors import IcmjError, StudyError, SweepError, beyond_arithmetic, beyond_memory
@@ -84,7 +84,7 @@ class _Worker:
         paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
         # warnings nobody sees, and where Python was asked to raise them they would end a task
         ours = {"PYTHONPATH": paths, "PYTHONSAFEPATH": "1", "PYTHONWARNINGS": "ignore"}
-        environment = {**one_thread({**os.environ}), **ours}
+        environment = {**set_one_thread({**os.environ}), **ours}
         with _hold_signals():
             self.process = Popen(
                 [sys.executable, "-c", _PROGRAM], stdin=PIPE, stdout=PIPE, stderr=DEVNULL, env=environment

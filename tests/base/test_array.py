@@ -7,12 +7,22 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from icmj.base.array import balance, between, exponential, extent, falling, instants, leading, since, steps_in
+from icmj.base.array import (
+    argmax_abs,
+    argsort_descending,
+    at_or_after,
+    balance,
+    compute_exponential,
+    count_steps,
+    find_range,
+    is_between,
+    list_multiples,
+)
 from icmj.cycle.cycle import Cycle
 from icmj.plant.linear_plant import LinearPlant
-from icmj.theory.eigenstructure import eigenstructure
-from icmj.theory.event_maps import multipliers
-from icmj.theory.orbit import critical_vectors
+from icmj.theory.eigenstructure import compute_eigenstructure
+from icmj.theory.event_maps import compute_multipliers
+from icmj.theory.orbit import compute_critical_vectors
 
 EPS = np.finfo(float).eps
 
@@ -29,11 +39,11 @@ def test_a_grid_has_the_points_that_exact_fractions_have(seed: int) -> None:
     for step in decimals(seed):
         number = int(random.integers(1, 500))
         end, first = step * number, int(random.integers(0, number))
-        assert steps_in(float(end) / float(step)) == number
-        assert len(instants(float(step), float(end), first)) == number - first + 1
+        assert count_steps(float(end) / float(step)) == number
+        assert len(list_multiples(float(step), float(end), first)) == number - first + 1
         # one that does not come out even, by a thousandth of a step
-        assert steps_in(float(end - step / 1000) / float(step)) == number - 1
-        assert -steps_in(-float(end + step / 1000) / float(step)) == number + 1
+        assert count_steps(float(end - step / 1000) / float(step)) == number - 1
+        assert -count_steps(-float(end + step / 1000) / float(step)) == number + 1
         naive += int(float(end) / float(step)) != number
     assert naive > 0
 
@@ -46,7 +56,7 @@ def test_a_band_holds_the_lines_that_exact_fractions_are_in(seed: int) -> None:
         lines = [k * spacing for k in range(200)]
         floats = np.fft.rfftfreq(400, float(1 / (400 * spacing)))[:200]  # of a rate that is measured
         expected = np.array([low <= line <= high for line in lines])
-        np.testing.assert_array_equal(between(floats, float(low), float(high)), expected)
+        np.testing.assert_array_equal(is_between(floats, float(low), float(high)), expected)
         naive += ((floats >= float(low)) & (floats <= float(high)) != expected).any()
     assert naive > 0
 
@@ -56,23 +66,23 @@ def test_an_instant_is_at_a_cut_whichever_way_it_was_worked_out_and_just_before_
     for step in decimals(0):
         number = int(random.integers(1, 500))
         cut, t = float(step * number), float(step) * number
-        assert since(t, cut)
-        assert since(cut, t)
-        assert not since(cut * (1 - 1e-13), cut)
+        assert at_or_after(t, cut)
+        assert at_or_after(cut, t)
+        assert not at_or_after(cut * (1 - 1e-13), cut)
         naive += t < cut
     assert naive > 0
-    assert not since(1e9, np.inf)
+    assert not at_or_after(1e9, np.inf)
 
 
 def test_equal_values_have_a_histogram() -> None:
     for size in (0.0, 1e-12, 0.3, -7.0, 1e9):
         values = size * (1 + EPS * np.array([0, 1, 0, -1, 2]))
-        low, high = extent(values)
+        low, high = find_range(values)
         counts, edges = np.histogram(values, 100, (low, high))
         assert counts.sum() == 5
         assert (np.diff(edges) > 0).all()
         assert low < size < high
-    assert extent(np.array([1.0, 1.0 + 1e-6])) == (1.0, 1.0 + 1e-6)
+    assert find_range(np.array([1.0, 1.0 + 1e-6])) == (1.0, 1.0 + 1e-6)
 
 
 def shaken(values: np.ndarray, seed: int) -> np.ndarray:
@@ -82,15 +92,15 @@ def shaken(values: np.ndarray, seed: int) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_last_bit_decides_nothing(seed: int) -> None:
-    assert leading(shaken(np.array([0.5, -1.0, 1.0, 1.0]), seed)) == 1
+    assert argmax_abs(shaken(np.array([0.5, -1.0, 1.0, 1.0]), seed)) == 1
     keys, ties = np.array([2.0, 2.0, 3.0, 0.0, 2.0, -1.0]), np.array([1.0, 3.0, 0.0, 0.0, 2.0, 0.0])
-    assert falling(shaken(keys, seed), ties).tolist() == [2, 1, 4, 0, 3, 5]
+    assert argsort_descending(shaken(keys, seed), ties).tolist() == [2, 1, 4, 0, 3, 5]
 
 
 def test_what_differs_by_more_than_rounding_is_told_apart() -> None:
-    assert leading(np.array([1.0, -1.0 - 1e-8])) == 1
-    assert falling(np.array([1.0, 1.0 + 1e-8, 1e-9, 1e-8]), np.zeros(4)).tolist() == [1, 0, 3, 2]
-    assert falling(np.zeros(0), np.zeros(0)).tolist() == []
+    assert argmax_abs(np.array([1.0, -1.0 - 1e-8])) == 1
+    assert argsort_descending(np.array([1.0, 1.0 + 1e-8, 1e-9, 1e-8]), np.zeros(4)).tolist() == [1, 0, 3, 2]
+    assert argsort_descending(np.zeros(0), np.zeros(0)).tolist() == []
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -99,8 +109,8 @@ def test_the_sign_of_a_vector_whose_entries_are_equal_is_the_same(seed: int) -> 
     for sign, v in ((1, [1.0, -1.0]), (-1, [1.0, 1.0])):
         other = np.array([v[1], -v[0]]) / np.sqrt(2)
         phi = shaken(sign * np.outer(v, v) / 2 + 0.3 * np.outer(other, other), seed)
-        np.testing.assert_allclose(critical_vectors(phi, sign)[:, 0], np.array(v) / np.sqrt(2), atol=1e-12)
-        V_inv = eigenstructure(phi, sign).V_inv
+        np.testing.assert_allclose(compute_critical_vectors(phi, sign)[:, 0], np.array(v) / np.sqrt(2), atol=1e-12)
+        V_inv = compute_eigenstructure(phi, sign).V_inv
         assert V_inv is not None
         np.testing.assert_allclose(V_inv[0], np.array(v) / np.sqrt(2), atol=1e-12)
 
@@ -112,7 +122,7 @@ def test_eigenvalues_of_one_size_come_in_one_order(seed: int) -> None:
     blocks = np.zeros((5, 5))
     blocks[0, 0], blocks[1, 1], blocks[2:4, 2:4], blocks[4, 4] = 0.7, -0.7, [[0, 0.7], [-0.7, 0]], 0.2
     T = np.linalg.qr(random.standard_normal((5, 5)))[0]
-    found = multipliers(T @ blocks @ T.T)
+    found = compute_multipliers(T @ blocks @ T.T)
     np.testing.assert_allclose(found, [0.7, 0.7j, -0.7j, -0.7, 0.2], atol=1e-12)
     plant = LinearPlant(T @ (blocks - 0.7 * np.eye(5)) @ T.T, T[:, :1], T[:1])
     np.testing.assert_allclose(plant.poles.real, np.sort(plant.poles.real)[::-1], atol=1e-12)
@@ -159,4 +169,4 @@ def test_units_of_a_chain_do_not_make_a_matrix_large(unit: float) -> None:
     # without rates to compare with a chain is left as it is; its exponential is a sum of four terms
     alone = chained(unit, rates=False)
     expected = np.eye(5) + 3 * alone + 9 * alone @ alone / 2 + 27 * alone @ alone @ alone / 6
-    np.testing.assert_allclose(exponential(3 * alone), expected, rtol=1e-14)
+    np.testing.assert_allclose(compute_exponential(3 * alone), expected, rtol=1e-14)

@@ -18,7 +18,7 @@ def compile_for(seconds: float, progress: object) -> bool:
     compile_clock.begin_compiling()
     time.sleep(seconds)
     compile_clock.end_compiling()
-    return compile_clock.compiling()
+    return compile_clock.is_compiling()
 
 
 def test_what_begins_and_ends_is_counted() -> None:
@@ -28,14 +28,14 @@ def test_what_begins_and_ends_is_counted() -> None:
         compile_clock.begin_compiling()
         compile_clock.begin_compiling()  # one function compiles what it calls
         compile_clock.end_compiling()
-        assert compile_clock.compiling()
+        assert compile_clock.is_compiling()
         compile_clock.end_compiling()
         compile_clock.begin_compiling("another")
         compile_clock.end_compiling("another", altogether=True)
         assert heard == [True, True, True, False, True, False]
     finally:
         compile_clock._listeners.remove(heard.append)
-    assert not compile_clock.compiling()
+    assert not compile_clock.is_compiling()
 
 
 def test_a_worker_that_compiles_is_known_here() -> None:
@@ -48,13 +48,13 @@ def test_a_worker_that_compiles_is_known_here() -> None:
         compile_clock._listeners.remove(seen.append)
     assert news.value is False
     assert seen[:2] == [True, False]
-    assert not compile_clock.compiling()
+    assert not compile_clock.is_compiling()
 
 
 def test_the_time_that_is_spent_on_it_is_measured_once_for_all_who_compile(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [100.0]
     monkeypatch.setattr(compile_clock.time, "monotonic", lambda: now[0])
-    before = compile_clock.spent()
+    before = compile_clock.read_compile_time()
     for seconds, what, who in (
         (1, compile_clock.begin_compiling, "one"),
         (2, compile_clock.begin_compiling, "two"),
@@ -63,16 +63,16 @@ def test_the_time_that_is_spent_on_it_is_measured_once_for_all_who_compile(monke
         now[0] += seconds
         what(who)
     now[0] += 8
-    assert compile_clock.spent() - before == 2 + 4 + 8
+    assert compile_clock.read_compile_time() - before == 2 + 4 + 8
     compile_clock.end_compiling("two", altogether=True)
     now[0] += 16
-    assert compile_clock.spent() - before == 2 + 4 + 8
+    assert compile_clock.read_compile_time() - before == 2 + 4 + 8
 
 
 def test_it_is_said_with_the_time_that_it_takes(monkeypatch: pytest.MonkeyPatch) -> None:
     """It was "17 % after 5 s … 17 % after 35 s"."""
     monkeypatch.setattr(progress, "FIRST", 0.05)
-    monkeypatch.setattr(compile_clock, "USUAL", compile_clock.spent() + 7.2)
+    monkeypatch.setattr(compile_clock, "USUAL", compile_clock.read_compile_time() + 7.2)
     file = io.StringIO()
     with progress.Working("study", Terminal(file=file)) as shown:
         shown.tell("simple-0.8", 0.17)

@@ -14,14 +14,14 @@ from patience import PATIENCE
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import icmj
-from icmj.base.blas_threads import ignore_warnings, limit_to_one_thread, one_thread
+from icmj.base.blas_threads import ignore_warnings, limit_to_one_thread, set_one_thread
 from icmj.work.workers import processors
 
 
 def test_what_is_said_already_stays() -> None:
-    assert one_thread({})["OPENBLAS_NUM_THREADS"] == "1"
-    assert one_thread({"OPENBLAS_NUM_THREADS": "3"})["OPENBLAS_NUM_THREADS"] == "3"
-    assert one_thread({"OMP_NUM_THREADS": "2"}) == {"OMP_NUM_THREADS": "2"}
+    assert set_one_thread({})["OPENBLAS_NUM_THREADS"] == "1"
+    assert set_one_thread({"OPENBLAS_NUM_THREADS": "3"})["OPENBLAS_NUM_THREADS"] == "3"
+    assert set_one_thread({"OMP_NUM_THREADS": "2"}) == {"OMP_NUM_THREADS": "2"}
 
 
 def test_the_command_line_computes_in_one_thread_and_seldom_looks_for_garbage() -> None:

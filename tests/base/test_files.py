@@ -44,9 +44,9 @@ def test_a_folder_that_is_not_there_is_an_error(tmp_path: Path) -> None:
 
 
 def test_a_scratch_folder_goes_with_its_block(tmp_path: Path) -> None:
-    with files.scratch(tmp_path / "report.html") as folder:
+    with files.make_scratch(tmp_path / "report.html") as folder:
         (folder / "a.svg").write_text("a")
-    with pytest.raises(FileExistsError), files.scratch(tmp_path / "report.html") as folder:
+    with pytest.raises(FileExistsError), files.make_scratch(tmp_path / "report.html") as folder:
         folder.mkdir()
     assert list(tmp_path.iterdir()) == []
 
@@ -54,9 +54,9 @@ def test_a_scratch_folder_goes_with_its_block(tmp_path: Path) -> None:
 LEAVE = """
 import os, sys
 from pathlib import Path
-from icmj.base.files import scratch, whole
+from icmj.base.files import make_scratch, whole
 target = Path(sys.argv[1])
-with whole(target / "a.rrd") as part, scratch(target / "report.html") as folder:
+with whole(target / "a.rrd") as part, make_scratch(target / "report.html") as folder:
     part.write_text("half")
     (folder / "b.svg").write_text("b")
     os._exit(9)
@@ -84,20 +84,20 @@ def test_of_other_machines_only_what_is_old_goes(tmp_path: Path) -> None:
 
 
 def test_a_process_that_ended_is_not_alive() -> None:
-    assert files.alive(os.getpid())
+    assert files.is_alive(os.getpid())
     child = subprocess.Popen([sys.executable, "-c", ""])
-    while files.alive(child.pid):  # also while nobody has waited for it
+    while files.is_alive(child.pid):  # also while nobody has waited for it
         pass
     child.wait()
-    assert not files.alive(child.pid)
+    assert not files.is_alive(child.pid)
 
 
 def test_a_folder_is_ready_if_it_can_be_written_to(tmp_path: Path) -> None:
-    files.ready(tmp_path / "a" / "b")
+    files.make_ready(tmp_path / "a" / "b")
     assert list((tmp_path / "a" / "b").iterdir()) == []
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="file"):
-        files.ready(tmp_path / "file")
+        files.make_ready(tmp_path / "file")
 
 
 @pytest.mark.parametrize(("make", "what"), [

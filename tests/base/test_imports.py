@@ -48,9 +48,11 @@ def result(before: str = "", after: str = "") -> object:
 
 
 def test_what_is_imported_meanwhile_is_there_for_whoever_waits_for_it() -> None:
-    load = "from icmj.base.process import meanwhile; "
-    assert told(f"{load}meanwhile('json.tool'); import json.tool; print(json.tool.__name__)") == "json.tool\n"
-    assert told(f"{load}meanwhile('no.such.module'); print('on')") == "on\n"
+    load = "from icmj.base.process import import_in_background; "
+    assert (
+        told(f"{load}import_in_background('json.tool'); import json.tool; print(json.tool.__name__)") == "json.tool\n"
+    )
+    assert told(f"{load}import_in_background('no.such.module'); print('on')") == "on\n"
 
 
 OTHERS = [name for name in ("pandas", "typeguard", "debugpy") if find_spec(name)]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from icmj.base.text import did_you_mean, nearest
+from icmj.base.text import find_nearest, suggest
 
 NAMES = ("delta_min", "q_t", "Q_t", "threshold", "system-matched")
 
@@ -12,10 +12,10 @@ NAMES = ("delta_min", "q_t", "Q_t", "threshold", "system-matched")
     ("system_matched", "system-matched"), ("nothing like it", None), ("", None), ("threshold" * 10**5, None),
 ])  # fmt: skip
 def test_the_nearest_name(given, meant):
-    assert nearest(given, NAMES) == meant
+    assert find_nearest(given, NAMES) == meant
 
 
 def test_words_only_where_there_is_something_to_say():
-    assert did_you_mean("treshold", NAMES) == "; did you mean threshold?"
-    assert did_you_mean("x", NAMES) == ""
-    assert did_you_mean("x", ()) == ""
+    assert suggest("treshold", NAMES) == "; did you mean threshold?"
+    assert suggest("x", NAMES) == ""
+    assert suggest("x", ()) == ""

@@ -84,5 +84,5 @@ def test_lengths_of_time_are_said_for_people() -> None:
     """115 s were 1.2e+02 s."""
     times = (0.5, 3.21, 37.6, 90.0, 115.0, 600.0, 7200.0, 1e6, 1e9)
     words = ("0.5 s", "3.2 s", "38 s", "90 s", "115 s", "10 min", "2 hours", "11.6 days", "31.7 years")
-    assert [numbers.lapse(seconds) for seconds in times] == list(words)
-    assert numbers.lapse(12345.0, 2) == "3.4 hours"
+    assert [numbers.format_duration(seconds) for seconds in times] == list(words)
+    assert numbers.format_duration(12345.0, 2) == "3.4 hours"

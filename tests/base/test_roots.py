@@ -7,7 +7,7 @@ from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
 from icmj.base import roots
-from icmj.base.bernstein import from_powers
+from icmj.base.bernstein import make_bernstein_matrix
 
 
 # what is compiled for compiled code alone has no way in from Python
@@ -28,7 +28,11 @@ def _both(powers, degree, until, high, low, F, stack, spans):
 
 def room(degree):
     """``F``, and a stack and spans with nothing in them that counts."""
-    return from_powers(degree), np.full((roots.DEEPEST, degree + 1), np.nan), np.full((roots.DEEPEST, 3), np.nan)
+    return (
+        make_bernstein_matrix(degree),
+        np.full((roots.DEEPEST, degree + 1), np.nan),
+        np.full((roots.DEEPEST, 3), np.nan),
+    )
 
 
 def first_root(powers, at=0.0):

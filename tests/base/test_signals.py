@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from icmj.base.interruption import EndRequest, Termination, interrupt_once, terminable
+from icmj.base.interruption import EndRequest, Termination, catch_termination, interrupt_once
 
 
 def sent(signum: int) -> None:
@@ -18,7 +18,7 @@ def sent(signum: int) -> None:
 
 
 def within(work: Callable[[], object]) -> EndRequest:
-    with terminable() as asked:
+    with catch_termination() as asked:
         try:
             work()
         except KeyboardInterrupt:
@@ -55,7 +55,7 @@ def test_one_that_is_swallowed_comes_again_and_ctrl_c_is_remembered() -> None:
 
 def test_ctrl_c_is_heard_once_where_it_keeps_what_there_is() -> None:
     handler = signal.getsignal(signal.SIGINT)
-    with terminable() as asked:
+    with catch_termination() as asked:
         with interrupt_once(), contextlib.suppress(KeyboardInterrupt):
             sent(signal.SIGINT)
         time.sleep(1.2)
@@ -104,7 +104,7 @@ def test_somebody_else_s_alarm_is_neither_rung_nor_silenced() -> None:
     rung: list[int] = []
     before = signal.signal(signal.SIGALRM, lambda signum, _: rung.append(signum))
     try:
-        with terminable():
+        with catch_termination():
             with contextlib.suppress(KeyboardInterrupt):
                 sent(signal.SIGINT)
             time.sleep(1.2)
@@ -123,7 +123,7 @@ def test_what_somebody_else_handles_stays_theirs() -> None:
     seen: list[int] = []
     before = signal.signal(signal.SIGTERM, lambda signum, _: seen.append(signum))
     try:
-        with terminable():
+        with catch_termination():
             os.kill(os.getpid(), signal.SIGTERM)
     finally:
         signal.signal(signal.SIGTERM, before)

@@ -4,7 +4,7 @@ import codecs
 
 import pytest
 
-from icmj.base.text import one_line, printable, spell
+from icmj.base.text import one_line, spell, strip_controls
 
 
 @pytest.mark.parametrize(("text", "line"), [
@@ -23,7 +23,7 @@ def test_what_a_terminal_would_obey_is_taken_out(text: str, line: str) -> None:
 
 def test_one_line_is_cut_and_lines_of_printable_text_stay() -> None:
     assert one_line("abc" * 10, 5) == "abca…"
-    assert printable("a\n\tb\x1b[31m\x9b\u202ec\u2067 [/] ζ 重り\ud800") == "a\n\tb[31mc [/] ζ 重り"
+    assert strip_controls("a\n\tb\x1b[31m\x9b\u202ec\u2067 [/] ζ 重り\ud800") == "a\n\tb[31mc [/] ζ 重り"
 
 
 def test_what_a_stream_cannot_encode_is_spelt() -> None:

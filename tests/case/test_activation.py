@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 import icmj
 from icmj.case.case import Case, prepare
-from icmj.cycle.parameter import parameter
+from icmj.cycle.parameter import find_parameter
 from icmj.errors import CycleError, ModelError, RunFileError
 from icmj.runfile.schema import overridden
 from icmj.runfile.sweep_tables import SweepFile
@@ -154,11 +154,11 @@ def test_a_start_a_sweep_a_branch_and_the_command_line_reach_it(root):
     vary = {"field": "actual.activation.time_constant", "values": [0.1]}
     sweep = {"sweep": {"name": "s", "run": "x"}, "vary": [vary]}
     assert SweepFile.validated(sweep, Path("s.toml"), base=run).vary[0].column == "time_constant"
-    of = parameter("actual.activation.time_constant")
+    of = find_parameter("actual.activation.time_constant")
     assert of.value(run) == 0.03
     assert of.put(run, 0.04).actual_activation.time_constant == 0.04
     with pytest.raises(CycleError, match="has no key 'assumed"):
-        parameter("assumed.activation.time_constant").value(run)
+        find_parameter("assumed.activation.time_constant").value(run)
     branch = icmj.follow(run, "actual.activation.time_constant", 0.031, plant="linear", points=2)
     assert branch.value[-1] == pytest.approx(0.031)
     assert branch.intervals[-1, 0] == pytest.approx(prepare(of.put(run, 0.031)).prediction.delta_crit, rel=1e-9)

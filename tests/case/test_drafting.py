@@ -10,7 +10,7 @@ from model_cases import MOTOR, MUSCLE, SERVO, pendulum, two, written
 
 from icmj import load_run, prepare, simulate
 from icmj.case.drafting import case_name, draft_run
-from icmj.engine.inventory import inventory
+from icmj.engine.inventory import list_inventory
 from icmj.errors import ModelError
 
 SHIPPED = ("pendulum", "pendulum_neglected", "three_link", "three_link_floor")
@@ -30,7 +30,7 @@ def runs_as_it_is(model: Path, folder: Path):
         simulation = simulate(case, plant, duration=0.5)
         assert simulation.outcome.kind == "completed"
         assert np.abs(simulation.x).max() > 1e-3  # it has somewhere to start from
-    there = inventory(model)
+    there = list_inventory(model)
     for name in (*there.keyframes, *there.inputs, *there.outputs, *there.joints):
         assert name in draft.text
     return case

@@ -10,7 +10,7 @@ import pytest
 
 from icmj import load_experiment, load_run
 from icmj.case.references import digests
-from icmj.engine.model_files import files_of
+from icmj.engine.model_files import list_files
 from icmj.errors import ModelError, RunFileError
 from icmj.fitting.family import Family, Prior
 from icmj.runfile.family_tables import load_family_file
@@ -169,4 +169,4 @@ def test_the_compiler_finds_the_files_where_they_are_looked_for(tmp_path: Path) 
     for name, text in texts.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     assert mujoco.MjModel.from_xml_path(str(tmp_path / "body.xml")).nmesh == 1
-    assert {path.relative_to(tmp_path).as_posix() for path in files_of(tmp_path / "body.xml")} == set(texts)
+    assert {path.relative_to(tmp_path).as_posix() for path in list_files(tmp_path / "body.xml")} == set(texts)

@@ -6,7 +6,7 @@ import pytest
 import icmj
 from icmj import load_run, prepare, simulate
 from icmj.errors import RunFileError
-from icmj.log.groups import groups
+from icmj.log.groups import list_groups
 
 TRUNK = {"kind": "impulse", "body": "trunk", "force": [0.02, 0.0, 0.0], "point": [0.0, 0.0, 0.3], "start": 0.4}
 PUSHES = [
@@ -49,7 +49,7 @@ def test_it_is_logged_exported_and_shown(case, tmp_path, plant):
     series = back.to_series(200.0)
     columns = [series.names.index(name) for name in ("push.trunk", "push.hip_torque")]
     assert [series.units[i] for i in columns] == ["N", "N m"]
-    shown = {group.path: group for group in groups(back)}["inputs/pushes"]
+    shown = {group.path: group for group in list_groups(back)}["inputs/pushes"]
     assert shown.names == ("push on trunk [N]", "push on hip_torque [N m]")
     np.testing.assert_array_equal(shown.values, result.simulation.push_values)
 

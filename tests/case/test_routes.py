@@ -15,7 +15,7 @@ from icmj.case.case import revise
 from icmj.case.plants import linear_plant
 from icmj.controller import Channel
 from icmj.cycle.family import ReturnMaps
-from icmj.cycle.parameter import parameter
+from icmj.cycle.parameter import find_parameter
 from icmj.errors import CycleError, IcmjError, RunFileError
 from icmj.experiments import attractors, measure_growth, measure_law, rounds
 from icmj.runfile.schema import RunFile, overridden
@@ -418,7 +418,7 @@ def test_what_theory_is_of_knows_neither_set_point_nor_disturbance(base: RunFile
 def test_a_branch_of_cycles_refuses_a_disturbance_of_a_file(base: RunFile) -> None:
     """Before it was read it was nothing, and the cycles were those without it."""
     for feature in ("disturbance of a file", "own noise", "noise"):
-        family = ReturnMaps(base.with_(**FEATURES["no delay"], **FEATURES[feature]), parameter("b"), "linear")
+        family = ReturnMaps(base.with_(**FEATURES["no delay"], **FEATURES[feature]), find_parameter("b"), "linear")
         with pytest.raises(CycleError, match="computed only for a loop that does not vary with time"):
             family.at(0.9)
 

@@ -9,10 +9,10 @@ from model_cases import two
 import icmj
 from icmj import compose_run, load_run, prepare, simulate
 from icmj.cli.main import main
-from icmj.engine.pose import scene
+from icmj.engine.pose import make_scene
 from icmj.errors import AnalysisError, CycleError, LogError, RunFileError
 from icmj.log.archive import pack, unpack
-from icmj.log.groups import groups
+from icmj.log.groups import list_groups
 from icmj.study.estimate import estimate
 
 SHORT = {"simulation.duration": 2.0, "study.growth_points": 0, "study.law_q_t": [], "study.attractor_starts": 0}
@@ -57,7 +57,7 @@ def test_it_is_logged_and_exported(case, tmp_path, plant):
         np.testing.assert_array_equal(of.r, run.r)
         for name in ("names", "units", "x_ss", "u_ss", "terms"):
             np.testing.assert_array_equal(getattr(of.setpoint, name), getattr(run.setpoint, name))
-    shown = {group.path: group for group in groups(back)}["outputs/setpoint"]
+    shown = {group.path: group for group in list_groups(back)}["outputs/setpoint"]
     assert shown.names == ("set-point shank", "set-point mass", "set-point thigh")
     jump = shown.values[shown.t == 0.4, 0]
     np.testing.assert_allclose([jump[0], jump[-1]], [0.01, 0.02], atol=1e-12)
@@ -205,13 +205,13 @@ def test_the_scene_shows_the_posture_that_is_asked_for(case):
     """The outputs are absolute angles: the lines of the target lean as the set-point and its steady state say."""
     run = simulate(case, "linear")
     rows = np.arange(0, len(run.t), 37)
-    found = scene(case.actual, run, 10.0, rows)
+    found = make_scene(case.actual, run, 10.0, rows)
     of_outputs = run.r[rows] @ (case.controller.plant.C @ case.setpoint.x_ss).T
     for lines, factor in ((found.target, 1.0), (found.magnified_target, 10.0)):
         dx, dz = np.moveaxis(np.diff(lines, axis=2)[:, :, 0, [0, 2]], -1, 0)
         np.testing.assert_allclose(np.arctan2(dx, dz), factor * of_outputs, atol=1e-9)
     still = replace(case, controller=replace(case.controller, setpoint=None))
-    assert scene(case.actual, simulate(still, "linear"), 10.0).target is None
+    assert make_scene(case.actual, simulate(still, "linear"), 10.0).target is None
 
 
 def test_a_sampling_delay_is_logged_told_of_and_no_cycle_is_sought_with_it(root, tmp_path) -> None:

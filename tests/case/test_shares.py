@@ -5,7 +5,7 @@ import pytest
 
 import icmj
 from icmj import IcmjError, load_run, prepare, simulate
-from icmj.simulation.grid import at_times
+from icmj.simulation.grid import interpolate_at
 from icmj.simulation.sources import Gaussian
 
 MOTOR = {"kind": "gaussian", "input": "ankle_torque", "share": 0.3, "corner": 2.0, "seed": 3}
@@ -41,7 +41,7 @@ def test_the_command_is_what_a_set_point_adds_to_too(root):
     runs = [simulate(case, plant) for plant in ("linear", "mujoco")]
     for run in runs:
         assert np.abs(run.u[:, 0]).max() > 0.1
-        xi = at_times(case.settings.disturbance[0], run.t)
+        xi = interpolate_at(case.settings.disturbance[0], run.t)
         np.testing.assert_allclose((run.applied - run.u)[:, 0], xi * run.u[:, 0], atol=1e-12)
     assert len(runs[0].events) == len(runs[1].events) > 1
     np.testing.assert_allclose(runs[1].events.t, runs[0].events.t, atol=1e-3)

@@ -15,7 +15,7 @@ from icmj.case.case import revise
 from icmj.cli.comparisons import collect_notes
 from icmj.cli.main import main
 from icmj.errors import SimulationError
-from icmj.simulation.disturbance import disturbance_of
+from icmj.simulation.disturbance import make_disturbance
 
 COMMANDS = (
     "study", "analyse", "run", "report", "replay", "linearise", "person", "cycle", "sweep",
@@ -208,7 +208,7 @@ def test_noise_slower_than_the_run_is_told_with_what_this_one_has(root, tmp_path
     fast.write_text(text.replace("[study]", noise.format(2.0) + "[study]"), encoding="utf-8")
     case = icmj.prepare(icmj.load_run(slow))
     t = np.arange(0, 40, 1e-3)
-    acting = disturbance_of(case.settings.disturbance, ("torque",))(t)[:, 0]
+    acting = make_disturbance(case.settings.disturbance, ("torque",))(t)[:, 0]
     told = f"whose SD is {acting.std():.2g} about a mean of {acting.mean():.2g} with this seed (nominal 0.002;"
     # another duration or seed of the same case is told anew
     later = case.run.with_(**{"simulation.duration": 2000.0, "simulation.record_interval": 1.0})

@@ -31,7 +31,7 @@ def test_a_log_stores_what_really_ran(root, tmp_path, shell):
 
 def test_what_was_set_is_said_wherever_the_title_of_the_file_stands(root, tmp_path, capsys, shell):
     """Terminal, replay and report named "b = 0.9" of a case with b = 1, and no mass was to be found on the page."""
-    from icmj.log.reader import read_log, static_row
+    from icmj.log.reader import read_log, read_static_row
 
     words = "hanged from the file: assumed.person.mass = 68, actual.person.mass = 80, actual.gain = 1, "
     changes = ["assumed.person.mass=68", "actual.person.mass=80", "actual.gain=1", "simulation.duration=5"]
@@ -44,7 +44,7 @@ def test_what_was_set_is_said_wherever_the_title_of_the_file_stands(root, tmp_pa
     assert f"three-link-0.9: c{words}" in " ".join(capsys.readouterr().out.split())
 
     log = tmp_path / "three-link-0.9.mujoco.rrd"
-    (replayed,) = static_row(log, "/summary")["TextDocument:text"].to_pylist()
+    (replayed,) = read_static_row(log, "/summary")["TextDocument:text"].to_pylist()
     assert "(changed)" in replayed
     assert f"C{words}" in replayed
     page = tmp_path / "report.html"

@@ -81,7 +81,7 @@ def test_a_few_seconds_and_a_small_part_tell_nothing(clock: Clock) -> None:
 
 
 def test_compiling_is_no_work(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compile_clock, "USUAL", compile_clock.spent() + 10)
+    monkeypatch.setattr(compile_clock, "USUAL", compile_clock.read_compile_time() + 10)
     remaining = progress.Remaining()
     remaining.note(0.0)
     clock.now += 4

@@ -8,8 +8,8 @@ from report_cases import result
 
 from icmj.base.numbers import Fact
 from icmj.case.comparison import RUN, Measured, Predicted, RelativeError, compare, to_json
-from icmj.log.summary import markdown
 from icmj.log.summary import summarise as properties
+from icmj.log.summary import write_markdown
 from icmj.study.chunk import CYCLE, WITHOUT_PREDICTION, columns
 from icmj.theory.prediction import PREDICTION
 
@@ -112,7 +112,7 @@ def test_files_keep_the_names_that_they_had() -> None:
 @pytest.mark.parametrize("name", ["three-link", "exact"])
 def test_the_summary_of_a_log_has_a_line_for_all_that_is_compared(name: str) -> None:
     of = result(name)
-    page = markdown(of, compare(of))
+    page = write_markdown(of, compare(of))
     for fact in RUN:
         if fact.against and fact.kind != "outputs":
             assert f"| {fact.label}" in page

@@ -19,15 +19,15 @@ from theory_cases import (
 from theory_cases import pendulum_design as paper_design
 
 from icmj import ClockTrigger, Continuous, EventTrigger, Settings, error_system, output_weight, predict
-from icmj.controller.controller import Controller, continuous_limit, layout_of, realise, start_state
+from icmj.controller.controller import Controller, continuous_limit, make_layout, realise, start_state
 from icmj.controller.delay import Delay
 from icmj.controller.hold import system_matched, zero_order
-from icmj.controller.model_prediction import predictor
+from icmj.controller.model_prediction import make_predictor
 from icmj.engine.run import simulate as simulate_engine
 from icmj.errors import AnalysisError, SimulationError
 from icmj.linear.run import simulate as simulate_linear
 from icmj.measurement.measurement import measure, measured_gamma
-from icmj.theory.event_maps import clocked_map, is_stable
+from icmj.theory.event_maps import compute_clocked_map, is_stable
 
 # --- the predictor ---------------------------------------------------------------------------------------------------
 
@@ -45,17 +45,17 @@ def test_the_predictor_is_the_model_run_over_the_delay(hold) -> None:
         return solve_ivp(flow, (0, time), state, method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
 
     end = run(np.concatenate([x_o, x_h]), 0.25)
-    found = predictor(design, hold(design), 0.25) @ np.concatenate([x_o, x_h])
+    found = make_predictor(design, hold(design), 0.25) @ np.concatenate([x_o, x_h])
     np.testing.assert_allclose(found, end[:2], atol=1e-11)
     middle = run(np.concatenate([x_o, x_h]), 0.1)
     end = run(np.concatenate([middle[:2], p]), 0.15)
-    found = predictor(design, hold(design), 0.25, [0.1]) @ np.concatenate([x_o, x_h, p])
+    found = make_predictor(design, hold(design), 0.25, [0.1]) @ np.concatenate([x_o, x_h, p])
     np.testing.assert_allclose(found, end[:2], atol=1e-11)
 
 
 def test_without_a_delay_the_predictor_does_nothing() -> None:
     design = pendulum_design()
-    np.testing.assert_array_equal(predictor(design, system_matched(design), 0.0), np.eye(2, 4))
+    np.testing.assert_array_equal(make_predictor(design, system_matched(design), 0.0), np.eye(2, 4))
 
 
 def test_numbers_of_numpy_are_numbers() -> None:
@@ -81,12 +81,12 @@ def test_bad_delays_are_refused() -> None:
 
 def test_the_states_that_wait_are_declared_once() -> None:
     controller = event_controller(pendulum_design())
-    assert layout_of(controller).names == ("x_o", "x_h")
-    assert layout_of(replace(controller, delay=Delay(0.1))).sizes == (2, 2, 2)
+    assert make_layout(controller).names == ("x_o", "x_h")
+    assert make_layout(replace(controller, delay=Delay(0.1))).sizes == (2, 2, 2)
     clock = replace(controller, trigger=ClockTrigger(0.03))
-    assert layout_of(replace(clock, delay=Delay(0.1))).sizes == (2, 2, 8)  # four ticks within the delay
-    assert layout_of(replace(clock, delay=Delay(0.09))).sizes == (2, 2, 6)
-    assert layout_of(replace(clock, delay=Delay(0.05, 0.1))).sizes == (2, 2, 4)  # what has acted is not remembered
+    assert make_layout(replace(clock, delay=Delay(0.1))).sizes == (2, 2, 8)  # four ticks within the delay
+    assert make_layout(replace(clock, delay=Delay(0.09))).sizes == (2, 2, 6)
+    assert make_layout(replace(clock, delay=Delay(0.05, 0.1))).sizes == (2, 2, 4)  # what has acted is not remembered
     a = start_state(replace(controller, delay=Delay(0.1)), np.ones(2), np.ones(2))
     # the system-matched hold is the model under control: from x_h = x_o its prediction is the hold itself
     np.testing.assert_allclose(a[4:], expm(0.1 * pendulum_design().A_c) @ np.ones(2), rtol=1e-12)
@@ -222,7 +222,7 @@ def test_clocks_follow_the_clocked_map(interval: float, assumed: float) -> None:
     # at rest, predictions that are not there yet are those of a hold at rest
     x, x_o = np.array([0.1, 0.02]), np.zeros(2)
     run = simulate_linear(plant, controller, Settings(duration=1.4, limit=1e6), x0=x, x_o0=x_o)
-    state, step = np.concatenate([x, start_state(controller, x_o, x_o)]), clocked_map(plant, controller)
+    state, step = np.concatenate([x, start_state(controller, x_o, x_o)]), compute_clocked_map(plant, controller)
     for i in range(len(run.events)):
         state = step @ state
         found = np.concatenate([run.events.x[i], run.events.x_o[i], run.events.x_h[i]])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from linear_cases import event_controller, pendulum_design
 
-from icmj.controller.controller import layout_of, realise
+from icmj.controller.controller import make_layout, realise
 from icmj.controller.layout import Layout
 from icmj.controller.trigger import Continuous
 
@@ -32,7 +32,7 @@ def test_what_is_not_given_is_zero_and_unknown_segments_are_errors() -> None:
 def test_the_realisation_is_the_paper_s_controller(hold: str) -> None:
     controller = event_controller(pendulum_design(), hold=hold)
     design, found, random = controller.design, realise(controller), np.random.default_rng(0)
-    layout = layout_of(controller)
+    layout = make_layout(controller)
     a, y = random.standard_normal(4), random.standard_normal(1)
     x_o, x_h = a[layout["x_o"]], a[layout["x_h"]]
     u = -design.k @ x_h

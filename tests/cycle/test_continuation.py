@@ -12,8 +12,8 @@ from icmj.cycle.branch import Branch, SpecialPoint, pack, unpack
 from icmj.cycle.cycle import find_cycle
 from icmj.cycle.family import ReturnMaps
 from icmj.cycle.guess import Guess
-from icmj.cycle.jacobian import jacobian
-from icmj.cycle.parameter import parameter
+from icmj.cycle.jacobian import difference_jacobian
+from icmj.cycle.parameter import find_parameter
 from icmj.errors import CycleError, RunFileError
 
 
@@ -90,8 +90,8 @@ def test_a_closed_branch_is_walked_once() -> None:
     assert round_.attracting.all()
     far = int(round_.value.argmax())
     assert round_.value[far] == pytest.approx(1.12226, abs=1e-5)
-    loop = ReturnMaps(round_.run, parameter("gravity")).at(float(round_.value[far]))
-    one = np.linalg.eigvals(jacobian(loop, round_.states[far, 0], round_.scale).J)
+    loop = ReturnMaps(round_.run, find_parameter("gravity")).at(float(round_.value[far]))
+    one = np.linalg.eigvals(difference_jacobian(loop, round_.states[far, 0], round_.scale).J)
     assert np.abs(one + 1).min() < 1e-2  # of one interval's map: it is the flip's other side
     gap = round_.intervals[:, 0] - round_.intervals[:, 1]
     # once round it has been the cycle and its mirror image, begun at either half
@@ -211,7 +211,7 @@ def test_the_three_link_person_with_strong_muscles_turns_quasi_periodic_and_then
     assert first.value == pytest.approx(1.384448, abs=2e-6)
     of = case("three-link-1.1", actual__gain=first.value)
     loop = return_map(of)
-    J = jacobian(loop, first.state, found.scale).J  # by differences of flights, not by variation
+    J = difference_jacobian(loop, first.state, found.scale).J  # by differences of flights, not by variation
     values = np.linalg.eigvals(J)
     assert np.abs(values).max() == pytest.approx(1, abs=2e-6)
     fold = next(special for special in found.specials if special.kind == "fold")
@@ -256,6 +256,6 @@ def test_multipliers_that_are_interpolated_are_those_of_the_cycles(name: str, pa
         key = {"b": "actual__gain", "q_t": "controller__q_t"}[parameter]
         loop = return_map(case(name, **{key: float(found.value[i])}), "mujoco")
         scale = found.scale * (found.value[i] / found.value[0] if parameter == "q_t" else 1.0)
-        values = np.linalg.eigvals(jacobian(loop, found.states[i, 0], scale).J)
+        values = np.linalg.eigvals(difference_jacobian(loop, found.states[i, 0], scale).J)
         largest = np.sort(np.abs(values))[::-1]
         np.testing.assert_allclose(np.abs(found.multipliers[i])[:2], largest[:2], atol=2e-4)

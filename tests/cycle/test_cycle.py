@@ -6,7 +6,7 @@ from cycle_cases import case, return_map
 
 import icmj
 from icmj.cycle.cycle import Cycle, find_cycle
-from icmj.cycle.guess import from_prediction
+from icmj.cycle.guess import guess_from_prediction
 from icmj.errors import CycleError
 
 PREDICTED = ("simple-0.8", "simple-1.2", "simple-1.7", "three-link-0.9", "neglected-0.1", "three-link-1.1-delay")
@@ -16,7 +16,7 @@ PREDICTED = ("simple-0.8", "simple-1.2", "simple-1.7", "three-link-0.9", "neglec
 def test_on_the_linear_plant_it_is_the_predicted_orbit(name: str) -> None:
     of = case(name)
     loop, predicted = return_map(of, "linear"), of.prediction
-    guess = from_prediction(of.theory, loop, of.theory.rule.size)
+    guess = guess_from_prediction(of.theory, loop, of.theory.rule.size)
     off = guess.z + 2e-3 * guess.scale * np.random.default_rng(1).uniform(-1, 1, len(guess.z))
     found = find_cycle(of, "linear", start=type(guess)(off, guess.scale, guess.p, guess.sign, guess.longest))
     assert len(found.history) > 2, "the guess was not off"

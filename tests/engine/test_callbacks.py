@@ -18,11 +18,11 @@ from patience import PATIENCE
 
 from icmj import Person, Step, find_cycle, load_plant, load_run, prepare, simulate
 from icmj.engine.dynamics import Dynamics
-from icmj.engine.inventory import inventory
+from icmj.engine.inventory import list_inventory
 from icmj.engine.isolation import isolate_engine
-from icmj.engine.library import library
+from icmj.engine.library import find_library
 from icmj.engine.native.field import callbacks
-from icmj.engine.planar_chain import chain_of
+from icmj.engine.planar_chain import find_chain
 from icmj.engine.plant import shape_to_person
 from icmj.engine.reaction import ground_force, reaction
 from icmj.plant import Activation, OperatingRule, Selection
@@ -30,7 +30,7 @@ from icmj.plant import Activation, OperatingRule, Selection
 RUNS = MODELS.parent / "runs"
 CASES = ("three-link-0.9.toml", "neglected-0.1.toml", "rivals/three-link-switching.toml", "three-link-0.9-delay.toml")
 KINDS = ["mju_user_warning", *(name[4:] for name in dir(mujoco) if name.startswith("set_mjcb_"))]
-LIBRARY = ctypes.CDLL(str(library()))
+LIBRARY = ctypes.CDLL(str(find_library()))
 
 
 def now() -> dict[str, tuple[object, int | None]]:
@@ -102,9 +102,9 @@ def everything() -> list[np.ndarray]:
         run = simulate(case, duration=2.0)
         found += [run.qpos, run.y, run.events.t, ground_force(case.model, run).values]
     found += [find_cycle(prepare(load_run(RUNS / CASES[0]))).multipliers]
-    assert "trunk" in inventory(MODELS / "three_link_floor.xml").bodies
+    assert "trunk" in list_inventory(MODELS / "three_link_floor.xml").bodies
     assert "trunk" in shape_to_person(MODELS / "three_link.xml", person)
-    assert chain_of(body)[0]
+    assert find_chain(body)[0]
     return found
 
 

@@ -15,7 +15,7 @@ from icmj.controller.design import Design, design_lq, output_weight
 from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.trigger import ClockTrigger, Continuous
-from icmj.engine.block import Slot, block_of
+from icmj.engine.block import Slot, find_block
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.composition import NAME, compose
 from icmj.engine.deviation import Deviation
@@ -28,7 +28,7 @@ from icmj.engine.run import simulate
 from icmj.errors import ModelError
 from icmj.plant.body import OperatingRule
 from icmj.plant.linear_plant import LinearPlant, transformation
-from icmj.simulation.disturbance import no_disturbance
+from icmj.simulation.disturbance import make_no_disturbance
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Gaussian
 from icmj.theory.error_system import error_system
@@ -38,7 +38,7 @@ CASES = [("pendulum", "pendulum"), ("three_link", "three_link"), ("pendulum_negl
 
 def closed_loop_matrix(model: mujoco.MjModel, qpos: np.ndarray, n_plant: int) -> np.ndarray:
     """d/dt of (plant state, x_o, x_h) against the same, by central differences of ``mj_forward`` with the callbacks."""
-    block = block_of(model)
+    block = find_block(model)
     assert block is not None
     nv, data = model.nv, mujoco.MjData(model)
     size = 2 * nv + model.na
@@ -60,7 +60,7 @@ def closed_loop_matrix(model: mujoco.MjModel, qpos: np.ndarray, n_plant: int) ->
 def test_composed_model_is_the_error_system(actual: str, assumed: str) -> None:
     body = plant(actual, 0.9)
     control = controller(assumed)
-    model = compose(body, control, no_disturbance(body.linearisation.plant.n_u))
+    model = compose(body, control, make_no_disturbance(body.linearisation.plant.n_u))
     with isolate_engine(*callbacks()):
         A = closed_loop_matrix(model, body.linearisation.point.qpos, body.linearisation.plant.n)
     system = error_system(body.linearisation.plant, control.design, control.hold)
@@ -73,14 +73,14 @@ def test_plant_and_its_file_are_untouched_and_keyframes_still_fit() -> None:
     before = (MODELS / "three_link.xml").read_bytes()
     body = load_plant(MODELS / "three_link.xml", keyframe="upright")
     xml = body.xml
-    model = compose(body, controller("three_link"), no_disturbance(3))
+    model = compose(body, controller("three_link"), make_no_disturbance(3))
     assert body.xml == xml
     assert (MODELS / "three_link.xml").read_bytes() == before
     assert (model.nu, model.na, model.nkey) == (4, 12, 1)
     assert model.actuator(NAME).id == 3
-    block = block_of(model)
+    block = find_block(model)
     assert block is not None
-    assert block_of(body.spec.copy().compile()) is None
+    assert find_block(body.spec.copy().compile()) is None
     gains = design("three_link")
     np.testing.assert_array_equal(block.K[:, 6:], gains.k)
     np.testing.assert_array_equal(block.M[6:, 6:], gains.A_c)
@@ -90,7 +90,7 @@ def test_plant_and_its_file_are_untouched_and_keyframes_still_fit() -> None:
 def test_geoms_for_the_eye_are_left_out_and_the_motion_stays_the_same() -> None:
     body = plant("three_link", 0.9)
     bare = body.spec.copy().compile()
-    model = compose(body, controller("three_link"), no_disturbance(3))
+    model = compose(body, controller("three_link"), make_no_disturbance(3))
     assert bare.ngeom > 20
     assert model.ngeom == 0
     ends = []
@@ -102,7 +102,7 @@ def test_geoms_for_the_eye_are_left_out_and_the_motion_stays_the_same() -> None:
     np.testing.assert_array_equal(*ends)
     wet = body.spec.copy()
     wet.option.density = 1.2
-    assert compose(replace(body, spec=wet), controller("three_link"), no_disturbance(3)).ngeom == bare.ngeom
+    assert compose(replace(body, spec=wet), controller("three_link"), make_no_disturbance(3)).ngeom == bare.ngeom
 
 
 @pytest.fixture
@@ -130,7 +130,7 @@ def test_several_inputs_outputs_velocities_and_ball_joints(rich: Path, trigger: 
     record = follow(loop, loop.data(x, np.tile(x_o, 2)), loop.schedule(Settings(duration=0.3, limit=100.0), 2e-3))
     assert len(record.events) > 1 or not trigger
     # what the callbacks compute, from the equations of the paper
-    model = compose(body, control, no_disturbance(2))
+    model = compose(body, control, make_no_disturbance(2))
     data = loop.data(x, np.concatenate([x_o, 2 * x_o]))
     with isolate_engine(*callbacks()):
         mujoco.mj_forward(model, data)
@@ -146,13 +146,13 @@ def test_several_inputs_outputs_velocities_and_ball_joints(rich: Path, trigger: 
 def test_what_cannot_be_composed_is_refused(rich: Path, tmp_path: Path) -> None:
     body = load_plant(rich, keyframe="up")
     with pytest.raises(ModelError, match="2 inputs and 3 outputs, the controller's design 1 and 1"):
-        compose(body, controller("pendulum"), no_disturbance(2))
+        compose(body, controller("pendulum"), make_no_disturbance(2))
     path = tmp_path / "acceleration.xml"
     path.write_text(
         RICH.replace('<jointvel name="spin" joint="turn"/>', '<jointactuatorfrc name="force" joint="turn"/>')
     )
     with pytest.raises(ModelError, match="'force' needs accelerations"):
-        compose(load_plant(path, keyframe="up"), random_controller(2, 3), no_disturbance(2))
+        compose(load_plant(path, keyframe="up"), random_controller(2, 3), make_no_disturbance(2))
 
 
 def test_loop_steps_are_the_engine_s_own_steps_but_for_rounding() -> None:
@@ -198,7 +198,7 @@ def test_rollout_in_threads_sees_the_whole_loop() -> None:
 
 
 def test_header_is_as_documented() -> None:
-    block = block_of(compose(plant("pendulum_neglected"), controller("pendulum", 0.02), no_disturbance(1)))
+    block = find_block(compose(plant("pendulum_neglected"), controller("pendulum", 0.02), make_no_disturbance(1)))
     assert block is not None
     assert block.header[[Slot.SIZE, Slot.N_U, Slot.N_Y, Slot.ACT, Slot.FACES]].tolist() == [4, 1, 1, 2, 1]
     np.testing.assert_allclose(block.R.T @ block.R, np.outer([-1, 0, 1, 0], [-1, 0, 1, 0]) / 0.02**2, rtol=1e-12)
@@ -226,7 +226,7 @@ def test_a_model_s_defaults_give_the_controller_no_force_and_no_limit(tmp_path, 
     plant = load_plant(path, keyframe="stand", operating=OperatingRule("static control"))
     gains = design_lq(plant.linearisation.plant)
     controller = Controller(gains, system_matched(gains), EventTrigger(output_weight(gains), 0.01))
-    composed, bare = compose(plant, controller, no_disturbance(1)), plant.spec.compile()
+    composed, bare = compose(plant, controller, make_no_disturbance(1)), plant.spec.compile()
     rate = []
     for model in (bare, composed):
         data = mujoco.MjData(model)
@@ -276,9 +276,9 @@ def test_what_varies_in_time_or_between_runs_does_not_compile_the_model_again(co
 
 def test_a_controller_for_which_there_is_no_room_gets_more(compilations: list[int]) -> None:
     body, control = load_plant(MODELS / "three_link.xml", keyframe="upright"), controller("three_link")
-    lean = block_of(close_loop(body, control, Settings()).model)
+    lean = find_block(close_loop(body, control, Settings()).model)
     noise = Gaussian(input="ankle_torque", size=0.3, interval=0.01, seed=1)
-    wide = block_of(close_loop(body, control, Settings(duration=100.0, disturbance=(noise,))).model)
+    wide = find_block(close_loop(body, control, Settings(duration=100.0, disturbance=(noise,))).model)
     assert compilations == [0, 1, 1]
     assert lean is not None
     assert wide is not None

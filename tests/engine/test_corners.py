@@ -7,7 +7,7 @@ import pytest
 from model_cases import written
 
 from icmj import MujocoPlant, load_plant, parse_run, prepare
-from icmj.engine.corners import corners
+from icmj.engine.corners import find_corners
 
 MODEL = """
 <mujoco model="limited">
@@ -117,9 +117,9 @@ def motion(plant: MujocoPlant, which: str, size: float, phase: float = 0.0) -> t
 def test_a_limit_is_told_where_the_motion_passes_it_and_only_there(tmp_path: Path, name: str) -> None:
     text, which, room, kind, words = LIMITS[name]
     plant = load_plant(written(tmp_path, text), keyframe="at")
-    assert corners(plant, *motion(plant, which, 0.98 * room)) == ()
+    assert find_corners(plant, *motion(plant, which, 0.98 * room)) == ()
     for factor, phase in ((1.02, 0.0), (1.02, 0.4), (1.5, 1.0), (4.0, 2.0)):
-        (notice,) = corners(plant, *motion(plant, which, factor * room, phase))
+        (notice,) = find_corners(plant, *motion(plant, which, factor * room, phase))
         assert notice.kind == kind
         wanted = words.replace("{peak}", f"{factor * room:.3g}")
         assert all(part in notice.words for part in wanted.split("{share}"))
@@ -134,7 +134,7 @@ def test_limits_that_hide_each_other_are_all_told(tmp_path: Path) -> None:
     joint = 'actuatorfrclimited="true" actuatorfrcrange="-18 18" limited="true" range="-0.005 0.005"'
     plant = load_plant(written(tmp_path, model(both, joint, rope)), keyframe="at")
     x, u = motion(plant, "θ", 0.01)[0], motion(plant, "u", 12)[1]
-    told = " ".join(notice.words for notice in corners(plant, x, u))
+    told = " ".join(notice.words for notice in find_corners(plant, x, u))
     for what in (
         "its ctrlrange",
         "forcerange of ankle",
@@ -154,13 +154,13 @@ def test_a_curve_is_no_corner_however_far_it_goes(tmp_path: Path, actuator: str,
     plant = load_plant(written(tmp_path, text), keyframe="at")
     x, u = motion(plant, "θ", size)
     u[:, 0] = 0.4 * size * np.cos(3 * np.linspace(0, 6, len(u)))
-    assert corners(plant, x, u) == ()
+    assert find_corners(plant, x, u) == ()
 
 
 def test_a_limit_that_nothing_uses_is_not_told(tmp_path: Path) -> None:
     text = model(MOTOR, 'limited="true" range="-1 1"', ROPE.format('limited="true" range="-3 3"'), 'cutoff="5"')
     plant = load_plant(written(tmp_path, text), keyframe="at")
-    assert corners(plant, *motion(plant, "θ", 0.5)) == ()
+    assert find_corners(plant, *motion(plant, "θ", 0.5)) == ()
 
 
 @pytest.mark.parametrize("of", ["tendon", "joint"])

@@ -9,9 +9,9 @@ from model_cases import HOOKED, written
 
 from icmj import load_plant, parse_run, prepare, simulate
 from icmj.engine.dynamics import Dynamics
-from icmj.engine.model import operating_point
-from icmj.engine.operating_point import equilibria
-from icmj.engine.pose import scene
+from icmj.engine.model import get_operating_point
+from icmj.engine.operating_point import find_equilibria
+from icmj.engine.pose import make_scene
 from icmj.plant.body import OperatingRule
 
 RUN = """
@@ -53,7 +53,7 @@ def test_linearisation_and_rest_are_those_of_the_keyframe(tmp_path: Path, kind: 
 
 def test_a_model_of_one_s_own_is_searched_where_the_keyframe_puts_it(tmp_path: Path) -> None:
     model = mujoco.MjModel.from_xml_path(str(written(tmp_path, HOOKED)))
-    (point,) = equilibria(model, operating_point(model, "aside"), OperatingRule("static control"))
+    (point,) = find_equilibria(model, get_operating_point(model, "aside"), OperatingRule("static control"))
     assert np.abs(own(model, point.qpos, point.ctrl)[2]).max() < 1e-8
 
 
@@ -77,7 +77,7 @@ def test_a_run_and_its_poses_are_those_of_the_keyframe(tmp_path: Path, timestep:
     t, v, a = found.t[first], found.x[first, 2:], rates[first]
     gained = np.cumsum((a[1:] + a[:-1]) / 2 * np.diff(t)[:, None], axis=0)
     np.testing.assert_allclose(v[1:] - v[0], gained, atol=2e-3 * np.abs(v).max())
-    shown = scene(case.model, found)
+    shown = make_scene(case.model, found)
     hook = shown.bodies.index("hook")
     np.testing.assert_allclose(shown.xpos[:, hook], np.broadcast_to(model.key_mpos[0], (len(found.t), 3)))
     turn = model.key_mquat[0] / np.linalg.norm(model.key_mquat[0])

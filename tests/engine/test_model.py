@@ -8,7 +8,7 @@ import pytest
 from model_cases import pendulum, written
 
 from icmj import Deviation, load_plant
-from icmj.engine.model import load_spec, operating_point, state_names
+from icmj.engine.model import get_operating_point, load_spec, name_states
 from icmj.errors import ModelError
 
 SEGMENTS = {  # mass [kg], COM above the lower joint [m], inertia about the COM [kg m²] (Winter 2009, notes section 5)
@@ -97,12 +97,12 @@ def test_unusable_files_are_named_in_one_line(tmp_path):
 def test_unknown_keyframe_names_the_known_ones(root):
     model = load_spec(root / "models" / "pendulum.xml").compile()
     with pytest.raises(ModelError, match=r"no keyframe 'seated'; it has upright"):
-        operating_point(model, "seated")
+        get_operating_point(model, "seated")
 
 
 def test_states_are_named_after_joints_and_actuators(root):
     model = load_spec(root / "models" / "pendulum_neglected.xml").compile()
-    assert state_names(model) == ("hinge", "hinge_rate", "torque_act0", "torque_act1")
+    assert name_states(model) == ("hinge", "hinge_rate", "torque_act0", "torque_act1")
 
 
 def test_a_generated_name_is_nobody_elses(tmp_path):

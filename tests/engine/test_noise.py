@@ -9,12 +9,12 @@ import pytest
 from engine_cases import controller, plant
 
 from icmj import Bias, Delay, Gaussian, Noise, Settings, Simulation
-from icmj.engine.block import block_of
+from icmj.engine.block import find_block
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
-from icmj.simulation.disturbance import reading_error_of
+from icmj.simulation.disturbance import make_reading_error
 from icmj.simulation.sources import Source
 
 Kind = Callable[[float], tuple[Source, ...]]
@@ -95,13 +95,13 @@ def test_the_noise_itself_does_not_depend_on_the_step() -> None:
     tables = []
     for timestep, integrator in ((1e-3, "RK4"), (4e-3, "Euler")):
         chosen = Settings(timestep=timestep, integrator=integrator, disturbance=sources())  # type: ignore[arg-type]
-        block = block_of(close_loop(plant("three_link", 0.9), controller("three_link"), chosen).model)
+        block = find_block(close_loop(plant("three_link", 0.9), controller("three_link"), chosen).model)
         assert block is not None
         tables.append((block.terms.copy(), block.errors.copy()))
     for a, b in zip(*tables, strict=True):
         assert len(a) > 0
         np.testing.assert_array_equal(a, b)
-    n = reading_error_of(sources(), ("shank", "thigh", "trunk"))
+    n = make_reading_error(sources(), ("shank", "thigh", "trunk"))
     t, errors = 1.7, tables[0][1]
     for output in range(3):
         mine = errors[errors[:, 0] == output]

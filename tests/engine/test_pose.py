@@ -10,9 +10,9 @@ from log_cases import MODELS, made_up
 
 from icmj import LinearPlant, MujocoPlant, Simulation, load_plant
 from icmj.engine.linearisation import Linearisation
-from icmj.engine.model import operating_point
-from icmj.engine.ports import ports_of
-from icmj.engine.pose import scene
+from icmj.engine.model import get_operating_point
+from icmj.engine.ports import find_ports
+from icmj.engine.pose import make_scene
 from icmj.errors import ModelError
 
 # the segment table of the three-link model: mass [kg], length [m], centre of mass above the lower joint [m]
@@ -44,7 +44,7 @@ def test_the_three_link_chain_follows_its_angles(from_engine: bool, magnificatio
     run = turned(result.simulation, q)
     if not from_engine:
         run = replace(run, qpos=np.zeros((0, 0)))
-    found = scene(plant, run, magnification)
+    found = make_scene(plant, run, magnification)
     order = [found.bodies.index(name) for name in ("shank", "thigh", "trunk")]
     for factor, xpos, xquat, com in (
         (1.0, found.xpos, found.xquat, found.com),
@@ -61,7 +61,7 @@ def test_the_three_link_chain_follows_its_angles(from_engine: bool, magnificatio
 
 def test_the_person_has_all_its_shapes_and_they_are_upright() -> None:
     result, plant = made_up("three_link", 0.9, 0.7594, duration=0.1)
-    found = scene(plant, turned(result.simulation, np.zeros((1, 3))), 10.0)
+    found = make_scene(plant, turned(result.simulation, np.zeros((1, 3))), 10.0)
     names = {geom.name for geom in found.geoms}
     assert {"head", "chest", "thigh_left", "thigh_right", "shin_left", "heel_right", "floor"} <= names
     assert all(geom.rgba.shape == (4,) and geom.rgba.min() >= 0 and geom.rgba.max() <= 1 for geom in found.geoms)
@@ -81,12 +81,14 @@ def test_a_rotation_is_magnified_about_its_axis() -> None:
     spec = mujoco.MjSpec.from_string(FREE)
     nothing = LinearPlant(np.zeros((12, 12)), np.zeros((12, 1)), np.zeros((3, 12)))
     model = spec.compile()
-    linearisation = Linearisation(nothing, operating_point(model), np.zeros(3), 0.0, ports_of(model), np.zeros((3, 1)))
+    linearisation = Linearisation(
+        nothing, get_operating_point(model), np.zeros(3), 0.0, find_ports(model), np.zeros((3, 1))
+    )
     plant = MujocoPlant(Path("free.xml"), spec, linearisation)
     angle = 0.03
     qpos = np.array([[0.01, 0.0, 0.0, np.cos(angle / 2), 0.0, np.sin(angle / 2), 0.0]])
     run = replace(made_up(duration=0.1)[0].simulation, t=np.zeros(1), x=np.zeros((1, 12)), qpos=qpos)
-    found = scene(plant, run, 10.0)
+    found = make_scene(plant, run, 10.0)
     np.testing.assert_allclose(found.magnified_xquat[0, 1], [np.cos(0.15), 0, np.sin(0.15), 0], atol=1e-12)
     np.testing.assert_allclose(found.magnified_xpos[0, 1], [0.1, 0, 0], atol=1e-12)
     assert found.geoms == ()
@@ -96,6 +98,6 @@ def test_positions_of_another_model_are_refused() -> None:
     result, _ = made_up(duration=0.1)
     three = load_plant(MODELS / "three_link.xml", keyframe="upright")
     with pytest.raises(ModelError, match=r"three_link\.xml.*positions"):
-        scene(three, replace(result.simulation, qpos=np.zeros((3, 1))))
+        make_scene(three, replace(result.simulation, qpos=np.zeros((3, 1))))
     with pytest.raises(ModelError, match=r"2 states, the plant 6"):
-        scene(three, result.simulation)
+        make_scene(three, result.simulation)

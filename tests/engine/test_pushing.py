@@ -15,16 +15,16 @@ from icmj.controller.controller import Controller
 from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched
 from icmj.controller.trigger import Continuous
-from icmj.cycle.jacobian import course, derivative, jacobian
+from icmj.cycle.jacobian import difference_jacobian, get_course, integrate_derivative
 from icmj.cycle.return_map import ReturnMap
-from icmj.engine.block import block_of
+from icmj.engine.block import find_block
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.deviation import Deviation
-from icmj.engine.forces import effects, forces
+from icmj.engine.forces import compute_effects, compute_forces
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.native.field import callbacks
 from icmj.engine.plant import load_plant
-from icmj.engine.push_table import places
+from icmj.engine.push_table import make_table
 from icmj.engine.reaction import centre_of_pressure
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
@@ -109,7 +109,9 @@ def test_the_centre_of_mass_is_where_a_force_acts_unless_told():
     J = np.zeros((3, model.nv))
     mujoco.mj_jacBodyCom(model, data, J, None, trunk.id)
     for push in (one, other):
-        np.testing.assert_allclose(forces(model, data, places(model, [push], (), ()), np.ones(1)), J[0], rtol=1e-12)
+        np.testing.assert_allclose(
+            compute_forces(model, data, make_table(model, [push], (), ()), np.ones(1)), J[0], rtol=1e-12
+        )
 
 
 def test_what_an_input_moves_may_be_a_tendon_a_site_or_a_ball(tmp_path):
@@ -134,8 +136,8 @@ def test_what_an_input_moves_may_be_a_tendon_a_site_or_a_ball(tmp_path):
         lengths.append(data.ten_length[0])
     data.qpos[0] = 0.3
     mujoco.mj_forward(model, data)
-    table = places(model, [Push(name) for name in "tsb"], ("t", "s", "b"), (0, 1, 2))
-    along = [forces(model, data, row[None], np.ones(1)) for row in table]
+    table = make_table(model, [Push(name) for name in "tsb"], ("t", "s", "b"), (0, 1, 2))
+    along = [compute_forces(model, data, row[None], np.ones(1)) for row in table]
     # with a gear of −7 the actuator's length grows where the tendon shortens
     assert along[0][0] == pytest.approx(-(lengths[0] - lengths[1]) / (2 * eps), rel=1e-6)
     J = np.zeros((2, 3, model.nv))
@@ -242,8 +244,8 @@ def test_the_return_map_under_a_constant_push_has_the_derivative_of_its_differen
         loop = ReturnMap(actual, control, settings)
         z = loop.join(run.events.x[0], run.events.x_o[0], run.events.x_o[0])
         scale = np.full(loop.size, 1e-3)
-        found = derivative(loop, course(loop, z, float(loop.turn(z).intervals[0])))
-        expected = jacobian(loop, z, scale).J
+        found = integrate_derivative(loop, get_course(loop, z, float(loop.turn(z).intervals[0])))
+        expected = difference_jacobian(loop, z, scale).J
         # the spline through the course errs by 3e-6; a force that did not turn with the point would by 1e-4
         assert np.abs(found - expected).max() < 1e-5 * np.abs(expected).max()
 
@@ -285,7 +287,7 @@ def test_effects_of_a_body_that_stands_go_through_its_contacts(root):
     body = load_plant(root / "models" / "three_link_floor.xml", keyframe="upright")
     model, point = body.model, body.linearisation.point
     push = Push(body="trunk", force=(1.0, 0, 0))
-    found = effects(model, point, places(model, [push], (), ()))[model.nv :, 0]
+    found = compute_effects(model, point, make_table(model, [push], (), ()))[model.nv :, 0]
     data, ends = mujoco.MjData(model), []
     model.opt.tolerance, model.opt.iterations = 0.0, 200
     for size in (0.02, -0.02):
@@ -314,14 +316,14 @@ def test_the_loops_push_as_the_analysis_does(tmp_path):
     )
     loop = close_loop(body, idle(body), Settings(duration=1.0, disturbance=sources))
     model, random = loop.model, np.random.default_rng(4)
-    data, table = mujoco.MjData(model), block_of(model).pushes
+    data, table = mujoco.MjData(model), find_block(model).pushes
     assert sorted(table[:, 0]) == [0, 1, 2, 2]
     with isolate_engine(*callbacks()):
         for t in (0.05, 0.15, 0.25, 0.5):
             data.time, data.qvel[:] = t, random.normal(size=model.nv)
             mujoco.mj_integratePos(model, data.qpos, random.normal(size=model.nv), 0.5)
             mujoco.mj_forward(model, data)
-            expected = forces(model, data, table, loop.pushes.size(np.array([t]))[0])
+            expected = compute_forces(model, data, table, loop.pushes.size(np.array([t]))[0])
             np.testing.assert_allclose(data.qfrc_applied, expected, atol=1e-15)
             assert np.abs(expected).min() > 0 or t < 0.1
 

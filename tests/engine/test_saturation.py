@@ -14,7 +14,7 @@ from icmj.engine.deviation import Deviation
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
 from icmj.simulation.settings import Settings
-from icmj.simulation.simulation import remarks
+from icmj.simulation.simulation import list_remarks
 from icmj.simulation.sources import Step
 
 J = 6 + 70 * 0.9**2
@@ -56,7 +56,7 @@ def test_what_is_applied_is_what_moves_the_plant(tmp_path, kind):
     change = (force[1:] + force[:-1]) / 2 * dt
     np.testing.assert_allclose(np.diff(v)[smooth], change[smooth], atol=2e-5)
     assert smooth.mean() > 0.9
-    (notice,) = [n for n in remarks(found) if n.kind == "saturation"]
+    (notice,) = [n for n in list_remarks(found) if n.kind == "saturation"]
     assert f"ankle {found.precision['saturated_share']:.1%}" in notice.words
 
 
@@ -108,7 +108,7 @@ def test_an_output_at_its_cutoff_is_told(tmp_path):
     assert 0 < beyond < 1
     assert found.precision["clipped_share"] == pytest.approx(beyond)
     assert found.precision["clipped"] == f"angle {beyond:.1%}"
-    (notice,) = [n for n in remarks(found) if "cutoff" in n.words]
+    (notice,) = [n for n in list_remarks(found) if "cutoff" in n.words]
     assert notice.kind == "saturation"
     assert "clipped" not in run_of(tmp_path, pendulum(MOTOR)).precision
 
@@ -118,7 +118,7 @@ def test_where_nothing_saturates_the_command_and_the_disturbance_act(tmp_path):
     np.testing.assert_allclose(found.applied[found.t < 0.29], found.u[found.t < 0.29], rtol=1e-15)
     np.testing.assert_allclose((found.applied - found.u)[found.t > 0.31], 3.0, rtol=1e-9)
     assert "saturated_share" not in found.precision
-    assert remarks(found) == ()
+    assert list_remarks(found) == ()
 
 
 def test_a_step_that_is_too_large_is_told(tmp_path):
@@ -128,10 +128,10 @@ def test_a_step_that_is_too_large_is_told(tmp_path):
     design = design_lq(assumed.linearisation.plant, R_c=0.01 * size**2, R_o=0.01 * size**2)
     control = Controller(design, system_matched(design), EventTrigger(output_weight(design), 5e-3, 1e-3))
     found = simulate(load_plant(path, Deviation(0.9)), control, Settings(duration=10.0, timestep=0.02), x0=[0.01, 0.0])
-    (notice,) = remarks(found)
+    (notice,) = list_remarks(found)
     assert notice.kind == "large step"
     assert "0.02 s with EULER" in notice.words
     assert 'take integrator = "RK4"' in notice.words
-    (notice,) = remarks(replace(found, precision={**found.precision, "integrator": "RK4"}))
+    (notice,) = list_remarks(replace(found, precision={**found.precision, "integrator": "RK4"}))
     assert "0.02 s with RK4" in notice.words
     assert "take integrator" not in notice.words

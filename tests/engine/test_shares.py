@@ -14,7 +14,7 @@ from icmj import Continuous, Delay, EventTrigger, Gaussian, Settings, Simulation
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
-from icmj.simulation.grid import at_times
+from icmj.simulation.grid import interpolate_at
 from icmj.simulation.sources import Source
 
 ANKLE, HIP = "ankle_torque", "hip_torque"
@@ -65,7 +65,7 @@ def test_event_times_agree_with_dop853_on_the_bare_plant() -> None:
     def flow(t: float, s: np.ndarray) -> np.ndarray:
         u = -gains.k @ s[12:]
         acting = u.copy()
-        acting[here] *= 1 + at_times(noise, np.array([t]))[0]
+        acting[here] *= 1 + interpolate_at(noise, np.array([t]))[0]
         data.qpos[:], data.qvel[:] = point.qpos + s[:3], point.qvel + s[3:6]
         data.ctrl[:] = point.ctrl + body.linearisation.ports.b * acting
         mujoco.mj_forward(model, data)
@@ -104,10 +104,12 @@ def test_one_seed_gives_the_same_bits_in_threads_and_the_command_that_acted_is_r
             for name in ("t", "x", "applied"):
                 np.testing.assert_array_equal(getattr(alone, name), getattr(other, name))
     shared = [noise for noise in sources() if isinstance(noise, Gaussian) and noise.share]
-    beside = at_times(sources()[0], alone.t)  # type: ignore[arg-type]
-    beside = beside + sum(at_times(noise, alone.t) for noise in shared[:2]) * alone.u[:, 0]
+    beside = interpolate_at(sources()[0], alone.t)  # type: ignore[arg-type]
+    beside = beside + sum(interpolate_at(noise, alone.t) for noise in shared[:2]) * alone.u[:, 0]
     np.testing.assert_allclose(alone.applied[:, 0], alone.u[:, 0] + beside, atol=1e-12)
-    np.testing.assert_allclose(alone.applied[:, 2], alone.u[:, 2] * (1 + at_times(shared[2], alone.t)), atol=1e-12)
+    np.testing.assert_allclose(
+        alone.applied[:, 2], alone.u[:, 2] * (1 + interpolate_at(shared[2], alone.t)), atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("which", ["mujoco", "linear"])

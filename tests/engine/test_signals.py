@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from engine_cases import controller, plant
 
-from icmj.engine.block import Block, Slot, block_of
+from icmj.engine.block import Block, Slot, find_block
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.native.field import callbacks
-from icmj.simulation.disturbance import disturbance_of, reading_error_of
+from icmj.simulation.disturbance import make_disturbance, make_reading_error
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Bias, Noise, Source, Step
 
@@ -27,7 +27,7 @@ ACTING: tuple[Source, ...] = (
 
 def composed() -> tuple[mujoco.MjModel, Block]:
     model = close_loop(plant("three_link"), controller("three_link"), Settings(disturbance=ACTING)).model
-    block = block_of(model)
+    block = find_block(model)
     assert block is not None
     return model, block
 
@@ -51,8 +51,8 @@ def expected_at(times: np.ndarray) -> np.ndarray:
     data = mujoco.MjData(model)
     data.qpos[:] = plant("three_link").linearisation.point.qpos
     mujoco.mj_forward(model, data)
-    read = data.sensordata - block.y_0 + reading_error_of(ACTING, OUTPUTS)(times)
-    return np.hstack([block.ctrl_0 + disturbance_of(ACTING, INPUTS)(times), read @ block.N.T])
+    read = data.sensordata - block.y_0 + make_reading_error(ACTING, OUTPUTS)(times)
+    return np.hstack([block.ctrl_0 + make_disturbance(ACTING, INPUTS)(times), read @ block.N.T])
 
 
 @pytest.mark.parametrize("end", [10.0, 1e4])
@@ -83,7 +83,7 @@ def test_windows_open_and_close_by_the_phase_time() -> None:
     edge = np.array([0.3, 0.7])
     before, after = acting_at(edge, 0.2), acting_at(edge, 0.75)
     assert np.all(after[:, 1] - before[:, 1] == 2.0)
-    noise = disturbance_of(ACTING[1:2], INPUTS)(edge)[:, 0]
+    noise = make_disturbance(ACTING[1:2], INPUTS)(edge)[:, 0]
     np.testing.assert_allclose(after[:, 0] - before[:, 0], noise, atol=1e-13)
     np.testing.assert_array_equal(after[:, 2], before[:, 2])
 

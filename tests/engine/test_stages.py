@@ -13,13 +13,13 @@ from model_cases import BIASED, MOTOR, MUSCLE, RICH, SERVO, pendulum, two, writt
 from scipy.integrate import solve_ivp
 
 from icmj import Controller, EventTrigger, LinearPlant, MujocoPlant, Settings, design_lq, load_plant, system_matched
-from icmj.engine.block import Slot, block_of
+from icmj.engine.block import Slot, find_block
 from icmj.engine.closed_loop import close_loop
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.native.field import callbacks, flow
 from icmj.engine.native.state import PROGRESS, engine_of
 from icmj.engine.native.steps import save, step, undo
-from icmj.engine.stages import Stages, may_constrain, stages_of
+from icmj.engine.stages import Stages, choose_stages, may_constrain
 
 
 @cache
@@ -83,8 +83,8 @@ def test_the_fewest_stages_give_the_engine_s_own_rates_and_steps_bit_for_bit(tmp
     flow_of, one = compiled()
     for name, body, stages in bodies(tmp_path):
         model = composed(body)
-        assert stages_of(model) is stages, name
-        block = block_of(model)
+        assert choose_stages(model) is stages, name
+        block = find_block(model)
         assert block is not None
         data, other = mujoco.MjData(model), mujoco.MjData(model)
         with isolate_engine(*callbacks()):
@@ -113,7 +113,7 @@ def test_a_step_of_a_ball_joint_errs_by_the_fifth_power_of_its_length(tmp_path: 
     """Against DOP853 on ``mj_forward``; quaternions are four numbers."""
     free = RICH.replace('type="ball" damping="0.3"', 'type="ball"')  # which would be as fast as 700/s
     model = composed(load_plant(written(tmp_path, free), keyframe="up"))
-    block, one = block_of(model), compiled()[1]
+    block, one = find_block(model), compiled()[1]
     assert block is not None
     assert model.nq == model.nv + 1
     data, start = mujoco.MjData(model), mujoco.MjData(model)
@@ -146,7 +146,7 @@ def test_a_step_of_a_ball_joint_errs_by_the_fifth_power_of_its_length(tmp_path: 
 
 def test_a_step_is_undone_where_a_spring_has_yielded(tmp_path: Path) -> None:
     model = composed(load_plant(written(tmp_path, pendulum(MOTOR, joint='stiffness="9" springyield="0.1"'))))
-    block, data = block_of(model), mujoco.MjData(model)
+    block, data = find_block(model), mujoco.MjData(model)
     assert block is not None
     data.qpos[0] = 1.0
 

@@ -22,12 +22,12 @@ from icmj.engine.flow import follow
 from icmj.engine.open_loop import open_loop
 from icmj.engine.plant import MujocoPlant, load_plant
 from icmj.engine.run import simulate
-from icmj.engine.stepping import AIM, WITHIN, choose_step, round_step, schedule_of, step_for
+from icmj.engine.stepping import AIM, WITHIN, choose_step, make_schedule, round_step, step_for
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.ending import Outcome
 from icmj.simulation.settings import Settings
-from icmj.simulation.simulation import Simulation, remarks
+from icmj.simulation.simulation import Simulation, list_remarks
 
 DISTURBED = [
     {"kind": "noise", "input": "torque", "size": 0.02, "bandwidth": 2.0, "seed": 1, "start": 0.2},
@@ -68,7 +68,7 @@ def test_the_error_stated_of_each_output_and_of_the_interval_is_true(name: str) 
     for tolerance in (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10):
         settings = Settings(duration=8.0, tolerance=tolerance)
         loop = close_loop(body, control, settings)
-        schedule = schedule_of(loop, settings)
+        schedule = make_schedule(loop, settings)
         record = follow(loop, loop.data(x, a), schedule)
         stated, first = estimate(loop, schedule, record), loop.departures(record.events[-2:-1])
         begin, end = record.events[-2:, 0]
@@ -159,7 +159,7 @@ def test_the_stated_error_is_true_within_a_factor_of_ten() -> None:
         errors = np.array([float(part.split()[1]) for part in words.split(", ")])
         # against a stretch flown at 1e-12: at the event itself the outputs differ by what its time does, too
         assert 0 < errors.max() < tolerance
-        assert remarks(run) == ()
+        assert list_remarks(run) == ()
         with pytest.raises(SimulationError, match="tolerance"):
             choose_timestep(run, 1e-9)
     assert len(fine.events) == len(run.events)
@@ -190,7 +190,7 @@ def test_what_is_not_smooth_takes_the_engine_s_own_steps_with_a_word(tmp_path: P
         assert (own["integrator"], own["timestep"], own.get("tolerance")) == ("RK4", 0.002, None)
     rubbing = two_seconds(tmp_path, pendulum(MOTOR, joint='frictionloss="0.1"'), Settings(duration=0.5, tolerance=1e-6))
     assert (rubbing.precision["timestep"], rubbing.precision.get("tolerance")) == (0.002, None)
-    assert [notice.kind for notice in remarks(rubbing)][:1] == ["not smooth"]
+    assert [notice.kind for notice in list_remarks(rubbing)][:1] == ["not smooth"]
     # a limit that is far away is as good as none
     far = pendulum(MOTOR, joint='limited="true" range="-1 1"')
     near = two_seconds(tmp_path, far, Settings(duration=0.5, tolerance=1e-6))

@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 import icmj
 from icmj import IcmjError, LinearPlant, load_run, parse_run, prepare, simulate
 from icmj.controller.setpoint import ternary
-from icmj.engine.moving_ground import on_bodies
+from icmj.engine.moving_ground import push_bodies
 from icmj.plant.linear_plant import Push
-from icmj.simulation.ternary import ternary_lines
+from icmj.simulation.ternary import make_ternary_lines
 
 LEGS = """
 <body name="leg" pos="0 0 0.08"><joint name="ankle" axis="0 1 0" stiffness="900" damping="30"/>
@@ -136,14 +136,14 @@ def test_a_model_of_one_body_has_a_surface_in_mujoco_too():
 def test_compensated_gravity_does_not_turn(tmp_path):
     (tmp_path / "still.xml").write_text(STILL.replace('<body name="trunk"', '<body name="trunk" gravcomp="1"'))
     plant = icmj.load_plant(tmp_path / "still.xml", selection=icmj.plant.Selection(outputs="joints"))
-    parts = on_bodies(plant.model, plant.linearisation.point, Push(surface="gravity", axis=(0, 1, 0)))
+    parts = push_bodies(plant.model, plant.linearisation.point, Push(surface="gravity", axis=(0, 1, 0)))
     assert [part.body for part in parts] == ["leg"]
     np.testing.assert_allclose(parts[0].force, [30 * 9.81, 0, 0], atol=1e-12)
 
 
 def test_a_translation_is_the_weight_of_all_that_moves(root):
     plant = icmj.load_plant(root / "models" / "three_link.xml", keyframe="upright")
-    parts = on_bodies(plant.model, plant.linearisation.point, Push(surface="translation", axis=(2, 0, 0)))
+    parts = push_bodies(plant.model, plant.linearisation.point, Push(surface="translation", axis=(2, 0, 0)))
     moving = plant.model.body_mass[plant.model.body_weldid > 0].sum()
     np.testing.assert_allclose(np.sum([part.force for part in parts], axis=0), [-moving, 0, 0], rtol=1e-12, atol=1e-12)
 
@@ -152,7 +152,7 @@ def test_a_sequence_of_full_length_is_the_sum_of_its_lines():
     whole = icmj.setpoint(INTEGRATOR, [icmj.Target({"y0": 1.0}, ternary(0.03, 0.25, 0.0, 60.5))])
     t = np.linspace(0, 60.5, 3001)[:-1]
     for highest, closeness in ((2.0, 0.02), (40.0, 1e-3)):
-        a, omega, phi = ternary_lines(0.03, 0.25, highest).T
+        a, omega, phi = make_ternary_lines(0.03, 0.25, highest).T
         drawn = np.cos(np.outer(t, omega) + phi) @ a
         path = whole(t)[:, 0]
         assert np.abs(drawn - (path - path.mean())).max() < closeness * 0.03

@@ -26,7 +26,7 @@ from icmj.controller.realisation import Guard, Mode
 from icmj.engine.run import simulate
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate as simulate_linear
-from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
+from icmj.simulation.disturbance import make_disturbance, make_pushes, make_reading_error
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Bias, Gaussian, Impulse, Noise, Sampled, Step
 
@@ -51,8 +51,8 @@ STEPS = {"timestep": 1e-3, "integrator": "RK4"}
 def swinging(law, start, settings: Settings, bends=()) -> Delayed:
     """The same person by hand: I θ'' = mgh sin θ − K θ − B θ' + u + d, by DOP853."""
     real, sources = law.realisation, settings.disturbance
-    acting, pushes = disturbance_of(sources, BODY.inputs), pushes_of(settings)
-    errors = reading_error_of(sources, BODY.outputs)
+    acting, pushes = make_disturbance(sources, BODY.inputs), make_pushes(settings)
+    errors = make_reading_error(sources, BODY.outputs)
 
     def rate(t, z, v, mode):
         m = real.modes[mode]
@@ -102,7 +102,7 @@ def test_disturbances_noise_and_pushes_act_on_it(law, steps, disturbed) -> None:
     assert apart(run, oracle) < 1e-9
     assert run.events.t == pytest.approx(oracle.switches, abs=1e-8)
     assert run.noisy
-    assert run.applied == pytest.approx(run.u + disturbance_of(disturbed, BODY.inputs)(run.t))
+    assert run.applied == pytest.approx(run.u + make_disturbance(disturbed, BODY.inputs)(run.t))
 
 
 @pytest.mark.parametrize("law", [CONTINUOUS, pid(), two_taps(), HOMOGENEOUS])

@@ -11,7 +11,7 @@ import icmj
 from icmj import Noise, Series
 from icmj.engine.reaction import ground_force, reaction
 from icmj.errors import AnalysisError, DataError, ModelError
-from icmj.simulation.disturbance import terms_of
+from icmj.simulation.disturbance import list_terms
 from icmj.study.kinds.intersection_point import _density
 
 G = 9.81
@@ -156,7 +156,7 @@ def test_theory_gives_a_noise_the_power_of_its_sinusoids_and_none_beyond_the_las
     """Power below each of many frequencies, against that of the terms that are drawn, one in each stratum."""
     count = 2000
     noise = Noise(input="u", size=0.7, seed=3, terms=count, **edge)
-    a, omega = np.array([term[:2] for term in terms_of(noise)]).T
+    a, omega = np.array([term[:2] for term in list_terms(noise)]).T
     f = np.linspace(0, 30, 300_001)
     density = _density(noise, f) ** 2
     below = np.append(0, np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(f)))

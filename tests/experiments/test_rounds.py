@@ -8,7 +8,7 @@ import pytest
 from terminal_cases import told
 
 from icmj import LinearPlant, Settings, load_run, prepare, run_case, simulate_plant
-from icmj.controller.switching import SwitchingPD, slope_of
+from icmj.controller.switching import SwitchingPD, compute_slope
 from icmj.errors import AnalysisError
 from icmj.experiments.switching_rounds import attraction, rounds, rounds_of
 
@@ -122,13 +122,13 @@ def test_shipped_persons_under_other_controllers_stand(root: Path) -> None:
 
 
 def test_a_share_of_the_plane_is_a_slope(root: Path) -> None:
-    assert slope_of(0.5) == pytest.approx(0, abs=1e-15)
-    assert slope_of(0.621) == pytest.approx(-0.4, abs=2e-3)  # of a public implementation, see field notes
+    assert compute_slope(0.5) == pytest.approx(0, abs=1e-15)
+    assert compute_slope(0.621) == pytest.approx(-0.4, abs=2e-3)  # of a public implementation, see field notes
     with pytest.raises(AnalysisError, match="between 0 and 1"):
-        slope_of(1.0)
+        compute_slope(1.0)
     run = load_run("one-link-switching")
     shared = run.with_(**{"controller.slope": None, "controller.share": 0.621})
     result = run_case(shared.with_(**{"simulation.duration": 1.0}), "linear")
-    assert result.controller.facts()["slope"] == slope_of(0.621)
+    assert result.controller.facts()["slope"] == compute_slope(0.621)
     with pytest.raises(Exception, match="give slope or share, not both"):
         run.with_(**{"controller.share": 0.7})

@@ -7,7 +7,7 @@ from icmj import measure_sway, read_series, write_series
 from icmj.cli.commands.fit import FitCommand, list_people
 from icmj.errors import FitError
 from icmj.fitting.recordings import MOST, SUMMARIES, measures, public_trials, read_trials, summarise
-from icmj.series.even_rows import even_series
+from icmj.series.even_rows import resample_series
 from icmj.series.series import Series
 
 
@@ -102,7 +102,9 @@ def test_the_rate_of_times_that_are_written_to_milliseconds_is_their_mean_one(tm
     t, x = sway(duration=60.0, rate=rate)
     (one,) = read_trials(written(tmp_path / "r.parquet", np.round(t, 3), x, (("ap",), ("mm",))))
     assert f"resampled from {rate:.4g} to 100 Hz" in one.notes
-    assert even_series(read_series(tmp_path / "r.parquet")).t[1] == pytest.approx(1 / rate, rel=1e-4)  # 1 ms in 60 s
+    assert resample_series(read_series(tmp_path / "r.parquet")).t[1] == pytest.approx(
+        1 / rate, rel=1e-4
+    )  # 1 ms in 60 s
 
 
 def test_which_column_is_asked_where_it_is_not_clear(tmp_path):

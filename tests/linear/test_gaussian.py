@@ -19,15 +19,15 @@ from scipy.stats import chi2
 from icmj.errors import SimulationError
 from icmj.linear.run import simulate
 from icmj.measurement.statistics import statistics
-from icmj.simulation.disturbance import disturbance_of, reading_error_of
-from icmj.simulation.grid import at_points, at_times
+from icmj.simulation.disturbance import make_disturbance, make_reading_error
+from icmj.simulation.grid import draw_at_points, interpolate_at
 from icmj.simulation.sources import Gaussian, Impulse, Noise
 
 
 @pytest.mark.parametrize("corner", [None, 0.5, 8.0])
 def test_the_law_at_the_points(corner):
     noise = Gaussian(output="angle", size=3.0, corner=corner, interval=0.02, seed=7)
-    x = at_points(noise, 0, 200_000) / 3.0
+    x = draw_at_points(noise, 0, 200_000) / 3.0
     a = 0.0 if corner is None else np.exp(-2 * np.pi * corner * 0.02)
     # x² is correlated as a²: this many values are independent
     count = len(x) * (1 - a**2) / (1 + a**2)
@@ -41,17 +41,17 @@ def test_the_law_at_the_points(corner):
 
 def test_the_beginning_is_the_same_however_much_follows():
     noise = Gaussian(input="torque", corner=1.0, seed=3)
-    short = at_points(noise, 0, 300).copy()
-    np.testing.assert_array_equal(at_points(noise, 0, 70_000)[:300], short)
-    np.testing.assert_array_equal(at_points(noise, 250, 300), short[250:])
-    assert at_times(noise, np.array([0.105]))[0] == pytest.approx((short[10] + short[11]) / 2)
+    short = draw_at_points(noise, 0, 300).copy()
+    np.testing.assert_array_equal(draw_at_points(noise, 0, 70_000)[:300], short)
+    np.testing.assert_array_equal(draw_at_points(noise, 250, 300), short[250:])
+    assert interpolate_at(noise, np.array([0.105]))[0] == pytest.approx((short[10] + short[11]) / 2)
 
 
 @pytest.mark.parametrize("corner", [None, 2.0])
 def test_the_spectrum_is_the_closed_form(corner):
     noise = Gaussian(input="torque", size=2.0, corner=corner, interval=0.02, seed=11)
     rate, length = 400.0, 4000
-    signal = at_times(noise, np.arange(400 * length) / rate)
+    signal = interpolate_at(noise, np.arange(400 * length) / rate)
     f, power = welch(signal, rate, "hann", length, noverlap=0, detrend=False)
     a = 0.0 if corner is None else np.exp(-2 * np.pi * corner * 0.02)
     turn = np.exp(-2j * np.pi * f * 0.02)
@@ -105,12 +105,12 @@ def test_motion_agrees_with_dop853_beside_all_else():
     plant, controller = PLANT, event_controller(pendulum_design(), q_t=0.004, delta_min=0.05)
     chosen = settings(1.5, disturbance=acts, record_interval=0.003)
     found = simulate(plant, controller, chosen, x0=[0.02, 0.0])
-    beside = disturbance_of(acts, plant.inputs)
-    on_body, reading = disturbance_of(acts[2:3], ()), reading_error_of(acts, plant.outputs)
+    beside = make_disturbance(acts, plant.inputs)
+    on_body, reading = make_disturbance(acts[2:3], ()), make_reading_error(acts, plant.outputs)
     assert len(on_body) == 0
 
     def torque(t):  # on the body a torque is one behind the gain
-        return beside(t) + at_times(acts[2], np.asarray(t)) / 0.9
+        return beside(t) + interpolate_at(acts[2], np.asarray(t)) / 0.9
 
     times, states, _ = ivp_run(
         plant, controller, 1.5, [0.02, 0.0], [0.0, 0.0], torque=torque, reading=reading, max_step=2e-4

@@ -9,7 +9,7 @@ from linear_cases import PENDULUM, event_controller, loop_matrix, pendulum_desig
 from icmj import ClockTrigger, Continuous, Delay, LinearPlant
 from icmj.controller.closed_loop import CHAIN, ERRORS, ORIGINAL, compose
 from icmj.errors import SimulationError
-from icmj.linear.loop import linear_loop
+from icmj.linear.loop import make_linear_loop
 
 
 @pytest.mark.parametrize("hold", ["system-matched", "zero-order"])
@@ -43,7 +43,7 @@ def test_rates_are_those_of_the_original_coordinates(hold, n, n_hat, n_u, n_y):
 def test_views_of_the_moving_part():
     plant, design = random_loop(3, 4, 2, 1, 2)
     controller = replace(event_controller(design), trigger=ClockTrigger(0.02), delay=Delay(0.05))
-    loop = linear_loop(plant, controller)
+    loop = make_linear_loop(plant, controller)
     random = np.random.default_rng(1)
     x, a = random.standard_normal(4), random.standard_normal(2 + 2 + 3 * 2)
     w = loop.state(x, a)
@@ -55,7 +55,7 @@ def test_views_of_the_moving_part():
 
 
 def test_an_exact_model_leaves_the_observer_error_alone():
-    M = linear_loop(PENDULUM, event_controller(pendulum_design())).M
+    M = make_linear_loop(PENDULUM, event_controller(pendulum_design())).M
     assert not M[2:4, :2].any()
     assert not M[2:4, 4:].any()
     assert not M[4:, :2].any()
@@ -63,9 +63,9 @@ def test_an_exact_model_leaves_the_observer_error_alone():
 
 def test_continuous_control_has_no_hold_error():
     controller = replace(event_controller(pendulum_design()), trigger=Continuous())
-    assert not linear_loop(PENDULUM.scaled(0.8), controller).M[4:].any()
+    assert not make_linear_loop(PENDULUM.scaled(0.8), controller).M[4:].any()
 
 
 def test_plants_that_do_not_fit_are_refused():
     with pytest.raises(SimulationError, match="2 inputs"):
-        linear_loop(LinearPlant(np.eye(2), np.eye(2), [[1, 0]]), event_controller(pendulum_design()))
+        make_linear_loop(LinearPlant(np.eye(2), np.eye(2), [[1, 0]]), event_controller(pendulum_design()))

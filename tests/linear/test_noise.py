@@ -21,7 +21,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from icmj import Bias, Impulse, Noise, statistics
 from icmj.linear.run import simulate
-from icmj.simulation.disturbance import LOW_PASS_END, disturbance_of, reading_error_of
+from icmj.simulation.disturbance import LOW_PASS_END, make_disturbance, make_reading_error
 
 
 def sources(seed: int, colour: dict[str, float]) -> tuple[Noise, Noise]:
@@ -51,8 +51,8 @@ def test_noise_and_bias_agree_with_dop853() -> None:
     ]
     chosen = settings_from({"duration": 4.0, "limit": 1e6, "initial": {"hinge": 0.02}, "disturbance": disturbance})
     run = simulate(PLANT, controller, chosen)
-    torque = disturbance_of(chosen.disturbance, PLANT.inputs)
-    reading = reading_error_of(chosen.disturbance, PLANT.outputs)
+    torque = make_disturbance(chosen.disturbance, PLANT.inputs)
+    reading = make_reading_error(chosen.disturbance, PLANT.outputs)
     times, states = ivp_events(PLANT, controller, 4.0, [0.02, 0], [0, 0], torque=torque, reading=reading, max_step=0.01)
     assert len(run.events) == len(times) >= 4
     assert np.abs(run.events.t - times).max() < 1e-8

@@ -17,7 +17,7 @@ from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.setpoint import Target, pulse, ramp, setpoint, sines, step
 from icmj.controller.trigger import ClockTrigger
 from icmj.linear.run import simulate
-from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
+from icmj.simulation.disturbance import make_disturbance, make_pushes, make_reading_error
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Bias, Impulse, Noise, Step
 from icmj.theory.delay_roots import rightmost_roots
@@ -34,8 +34,8 @@ def by_method_of_steps(plant, law, x0, duration, disturbance=(), terms=None) -> 
     n, m, E, k_r = plant.n, d.plant.n, expm(d.plant.A * law.delay.predicted), 0.0
     r = law.setpoint or (lambda t: np.zeros(1))
     k_r = law.setpoint.gain(d.k) if law.setpoint else np.zeros((plant.n_u, 1))
-    acts, errs = disturbance_of(disturbance, plant.inputs), reading_error_of(disturbance, plant.outputs)
-    pushes = pushes_of(Settings(disturbance=disturbance))
+    acts, errs = make_disturbance(disturbance, plant.inputs), make_reading_error(disturbance, plant.outputs)
+    pushes = make_pushes(Settings(disturbance=disturbance))
     E_d = np.column_stack([np.zeros((n, 0)), *(plant.effect(push) for push in pushes.places)])
     taps, n_y = tuple(sorted({t_d, assumed})), plant.n_y
     each = n_y + plant.n_u

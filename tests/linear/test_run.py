@@ -26,11 +26,11 @@ from icmj.controller.hold import system_matched
 from icmj.controller.rules.quadratic import EventTrigger, as_weight
 from icmj.controller.trigger import ClockTrigger, Continuous
 from icmj.errors import SimulationError
-from icmj.linear.loop import linear_loop
+from icmj.linear.loop import make_linear_loop
 from icmj.linear.run import simulate
 from icmj.measurement.measurement import measure, measured_gamma
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation.disturbance import pushes_of
+from icmj.simulation.disturbance import make_pushes
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Impulse, Noise, Step
 from icmj.theory.error_system import error_system
@@ -268,9 +268,9 @@ def test_disturbances_agree_with_dop853():
     ]
     chosen = settings_from({"duration": 3.0, "limit": 1e6, "initial": {"hinge": 0.02}, "disturbance": disturbance})
     run = simulate(plant, controller, chosen)
-    from icmj.simulation.disturbance import disturbance_of
+    from icmj.simulation.disturbance import make_disturbance
 
-    torque = disturbance_of(chosen.disturbance, plant.inputs)
+    torque = make_disturbance(chosen.disturbance, plant.inputs)
     times, states = ivp_events(plant, controller, 3.0, [0.02, 0], [0, 0], torque=torque, max_step=1e-3)
     assert len(run.events) == len(times) == 4
     assert np.abs(run.events.t - times).max() < 1e-7  # DOP853 steps across the edges of the windows
@@ -286,7 +286,7 @@ def test_pushes_on_the_plant_itself_pass_no_gain_and_agree_with_dop853():
         Noise("torque", 0.018, 2.0, seed=3, start=1.5, on="body"),
     )
     chosen = settings(3.0, initial={"hinge": 0.02}, disturbance=sources)
-    run, size = simulate(plant, controller, chosen), pushes_of(chosen).size
+    run, size = simulate(plant, controller, chosen), make_pushes(chosen).size
     times, states = ivp_events(plant, controller, 3.0, [0.02, 0], [0, 0], torque=lambda t: size(t) / 0.9, max_step=1e-3)
     assert len(run.events) == len(times) == 4
     assert np.abs(run.events.t - times).max() < 1e-7
@@ -311,7 +311,7 @@ def test_fall_is_exact_and_keeps_the_run():
     assert abs(run.x[-1, 0]) == pytest.approx(0.5, abs=1e-12)
     assert np.abs(run.x[:-1, 0]).max() < 0.5
     assert run.t[-1] == run.outcome.t
-    assert list(linear_loop(plant, controller).positions) == [0]
+    assert list(make_linear_loop(plant, controller).positions) == [0]
 
 
 def in_units(unit, factor):

@@ -10,8 +10,8 @@ from scipy.linalg import expm
 from icmj import ClockTrigger, Controller, Delay, EventTrigger, Gaussian, Noise, Step, system_matched
 from icmj.controller.rules.quadratic import as_weight
 from icmj.linear.run import simulate
-from icmj.simulation.disturbance import disturbance_of
-from icmj.simulation.grid import at_times, lines
+from icmj.simulation.disturbance import make_disturbance
+from icmj.simulation.grid import interpolate_at, list_lines
 
 
 def test_lines_are_the_noise_between_its_points():
@@ -19,13 +19,13 @@ def test_lines_are_the_noise_between_its_points():
         Gaussian(input="a", share=0.5, corner=1.0, interval=0.02, seed=1, start=0.137),
         Gaussian(input="b", share=0.2, interval=0.06, seed=2),
     )
-    points, found = lines(noises, 1.0)
+    points, found = list_lines(noises, 1.0)
     t = np.linspace(0, 1, 5003)[:-1]
     stretch = np.searchsorted(points, t, side="right")
     begins = np.append(0.0, points[:-1])
     for number, noise in enumerate(noises):
         value, slope = found[stretch, number].T
-        np.testing.assert_allclose(value + slope * (t - begins[stretch]), at_times(noise, t), atol=1e-14)
+        np.testing.assert_allclose(value + slope * (t - begins[stretch]), interpolate_at(noise, t), atol=1e-14)
 
 
 def _loops():
@@ -51,7 +51,7 @@ def test_motion_agrees_with_dop853(plant, controller, x, beside):
     other += [Step(input=name, size=0.01, start=0.213)]
     acts = (*shares, *(other if beside else []))
     found = simulate(plant, controller, settings(1.0, disturbance=acts, record_interval=0.003), x0=x)
-    d = disturbance_of(acts, plant.inputs)
+    d = make_disturbance(acts, plant.inputs)
     on_body = np.linalg.pinv(plant.B) @ plant.effect(other[2].push) if beside else np.zeros((plant.n_u, 1))
 
     def share(t):

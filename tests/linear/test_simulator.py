@@ -17,7 +17,7 @@ from icmj.linear.native.pieces import compile_pieces
 from icmj.linear.open_loop import open_loop
 from icmj.linear.run import simulate
 from icmj.linear.simulator import Simulator
-from icmj.simulation.disturbance import disturbance_of, reading_error_of
+from icmj.simulation.disturbance import make_disturbance, make_reading_error
 
 PUSHED = (
     Step("torque", 0.02, 0.31, on="command"),
@@ -78,7 +78,7 @@ def disturbed(delay):
 def test_everything_that_can_disturb_at_once(delay):
     controller = replace(event_controller(pendulum_design(), q_t=0.004, delta_min=0.05), delay=Delay(delay))
     plant = PENDULUM.scaled(0.9)
-    torque, reading = disturbance_of(PUSHED, plant.inputs), reading_error_of(PUSHED, plant.outputs)
+    torque, reading = make_disturbance(PUSHED, plant.inputs), make_reading_error(PUSHED, plant.outputs)
     run = settings(2.0, disturbance=PUSHED, record_interval=0.003)
     # the integrator must not step over an edge without a word
     found = agrees(plant, controller, run, [0.02, 0.0], [0.0, 0.0], torque=torque, reading=reading, max_step=5e-4)
@@ -119,7 +119,7 @@ def test_rows_and_buffers_change_no_bit_of_the_motion(noisy):
 
 def test_rows_are_what_the_integrator_has_there():
     controller, plant = event_controller(pendulum_design()), PENDULUM.scaled(0.9)
-    torque, reading = disturbance_of(PUSHED, plant.inputs), reading_error_of(PUSHED, plant.outputs)
+    torque, reading = make_disturbance(PUSHED, plant.inputs), make_reading_error(PUSHED, plant.outputs)
     for disturbance, acting in (((), {}), (PUSHED, {"torque": torque, "reading": reading, "max_step": 5e-4})):
         run = simulate(plant, controller, settings(0.9, disturbance=disturbance, record_interval=0.0123), x0=[0.02, 0])
         for index in (5, 30, 60):

@@ -125,12 +125,12 @@ GAUSSIAN = (
 @pytest.mark.parametrize("disturbed", [DISTURBED, GAUSSIAN])
 @pytest.mark.parametrize("law", [CONTINUOUS, SWITCHING, pid(), two_taps()])
 def test_what_disturbs_it_is_exact_too(law, disturbed) -> None:
-    from icmj.simulation.disturbance import disturbance_of, pushes_of, reading_error_of
+    from icmj.simulation.disturbance import make_disturbance, make_pushes, make_reading_error
 
     settings = Settings(duration=4.0, record_interval=0.05, disturbance=disturbed)
     run = simulate_tapped(BODY, law, settings, x0=START)
-    acting, pushes = disturbance_of(disturbed, BODY.inputs), pushes_of(settings)
-    errors = reading_error_of(disturbed, BODY.outputs)
+    acting, pushes = make_disturbance(disturbed, BODY.inputs), make_pushes(settings)
+    errors = make_reading_error(disturbed, BODY.outputs)
 
     def disturbance(t):  # the pushes act where the input does
         return acting(t) + pushes.size(t).sum(axis=-1)
@@ -234,9 +234,9 @@ def test_a_long_way_back_is_remembered() -> None:
     law = replace(CONTINUOUS, P=30.0, D=20.0, delay=3.0)
     noise = (Noise("ankle", 0.1, bandwidth=30.0, seed=3),)
     run = simulate_tapped(BODY, law, Settings(duration=9.0, record_interval=0.5, disturbance=noise), x0=START * 0.1)
-    from icmj.simulation.disturbance import disturbance_of
+    from icmj.simulation.disturbance import make_disturbance
 
-    agrees(run, of_law(BODY, law, START * 0.1, disturbance_of(noise, BODY.inputs)).run(9.0), 1e-10)
+    agrees(run, of_law(BODY, law, START * 0.1, make_disturbance(noise, BODY.inputs)).run(9.0), 1e-10)
 
 
 def test_what_would_take_too_much_to_remember_is_refused(monkeypatch) -> None:

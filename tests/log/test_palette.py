@@ -5,7 +5,7 @@ import pytest
 from log_cases import made_up
 
 from icmj.log import palette
-from icmj.log.groups import groups
+from icmj.log.groups import list_groups
 
 GROUNDS = {"dark": (13, 16, 17), "light": (255, 255, 255)}  # of the viewer's plots
 
@@ -24,14 +24,14 @@ def contrast(a: tuple[int, ...], b: tuple[int, ...]) -> float:
 @pytest.mark.parametrize("theme", GROUNDS)
 def test_every_series_stands_out_on_the_ground_of_both_themes(theme: str) -> None:
     result, _ = made_up("three_link", 0.9, 0.7594, 6.0)
-    seen = {g.path: g.colours for g in groups(result) if not g.path.endswith("/predicted")}
+    seen = {g.path: g.colours for g in list_groups(result) if not g.path.endswith("/predicted")}
     assert {"trigger/threshold", "interval/delta_crit", "modes/gamma"} <= set(seen)
-    for path, colours in {**seen, "series": palette.series(8)}.items():
+    for path, colours in {**seen, "series": palette.choose_colours(8)}.items():
         for colour in colours:
             assert contrast(colour, GROUNDS[theme]) >= 3.0, path  # WCAG 2, for graphics
 
 
 def test_series_are_told_apart() -> None:
-    colours = np.array([colour[:3] for colour in palette.series(8)])
+    colours = np.array([colour[:3] for colour in palette.choose_colours(8)])
     apart = np.linalg.norm(colours[:, None] - colours[None], axis=2)[np.triu_indices(8, 1)]
     assert apart.min() > 50

@@ -22,7 +22,7 @@ NOT_WHOLE = "reading it takes more time or memory than a whole one"
 def instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """What is run in place of rerun's program; a Python script."""
     path = tmp_path / "instead"
-    monkeypatch.setattr(program, "program", lambda: path)
+    monkeypatch.setattr(program, "find_program", lambda: path)
     return path
 
 

@@ -177,7 +177,7 @@ def test_a_part_of_a_log_is_refused_and_a_compacted_one_is_whole(log, tmp_path):
     """Its archive is whole, so that half a run was measured as all of it."""
 
     def rrd(*words):
-        subprocess.run([program.program(), "rrd", *map(str, words)], check=True, capture_output=True)
+        subprocess.run([program.find_program(), "rrd", *map(str, words)], check=True, capture_output=True)
 
     rows = len(read_log(log).simulation.t)
     (tmp_path / "parts").mkdir()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from icmj.log.target import in_memory
+from icmj.log.target import write_in_memory
 
 linux = pytest.mark.skipif(not hasattr(os, "memfd_create"), reason="no files in memory here")
 
@@ -13,7 +13,7 @@ linux = pytest.mark.skipif(not hasattr(os, "memfd_create"), reason="no files in 
 @linux
 def test_it_is_not_on_disk_before_it_is_whole(tmp_path: Path) -> None:
     part, content = tmp_path / "a", os.urandom(5_000_000)
-    with in_memory(part) as sink:
+    with write_in_memory(part) as sink:
         sink.write_bytes(content)
         assert list(tmp_path.iterdir()) == []
     assert part.read_bytes() == content
@@ -22,10 +22,10 @@ def test_it_is_not_on_disk_before_it_is_whole(tmp_path: Path) -> None:
 @linux
 def test_what_fails_leaves_no_file(tmp_path: Path) -> None:
     open_before = len(os.listdir("/proc/self/fd"))
-    with pytest.raises(ValueError, match="why"), in_memory(tmp_path / "a") as sink:  # noqa: PT012
+    with pytest.raises(ValueError, match="why"), write_in_memory(tmp_path / "a") as sink:  # noqa: PT012
         sink.write_bytes(b"half")
         raise ValueError("why")
-    with in_memory(tmp_path / "a"):
+    with write_in_memory(tmp_path / "a"):
         pass
     assert list(tmp_path.iterdir()) == []
     assert len(os.listdir("/proc/self/fd")) == open_before
@@ -33,11 +33,11 @@ def test_what_fails_leaves_no_file(tmp_path: Path) -> None:
 
 @linux
 def test_a_full_disk_is_an_error_at_once() -> None:
-    with pytest.raises(OSError, match="No space left"), in_memory(Path("/dev/full")) as sink:
+    with pytest.raises(OSError, match="No space left"), write_in_memory(Path("/dev/full")) as sink:
         sink.write_bytes(b"0" * 10_000_000)
 
 
 def test_without_files_in_memory_it_is_the_file_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("icmj.log.target._OPEN", tmp_path / "nowhere")
-    with in_memory(tmp_path / "a") as sink:
+    with write_in_memory(tmp_path / "a") as sink:
         assert sink == tmp_path / "a"

@@ -18,7 +18,7 @@ from icmj.base.files import whole
 from icmj.case.comparison import Comparison, compare
 from icmj.engine.run import simulate
 from icmj.errors import LogError
-from icmj.log.figure import eye
+from icmj.log.figure import place_eye
 from icmj.log.reader import read_log, read_summary
 from icmj.simulation.scene import FRAME, Geom
 from icmj.simulation.simulation import Events
@@ -117,7 +117,7 @@ def test_the_centre_of_mass_covers_its_place_from_the_opening_eye(log: Path, thr
     """It is drawn in front of the body: on the straight line from where it is to the eye, and clear of the arms."""
     scene = three_link.scene
     assert scene is not None
-    position = eye(scene)[0]
+    position = place_eye(scene)[0]
     for figure, com in (("true", scene.com), ("magnified", scene.magnified_com)):
         root = column(log, f"/scene/{figure}", "Transform3D:translation", static=True)
         entity = f"/scene/{figure}/centre_of_mass"

@@ -18,7 +18,7 @@ from icmj.measurement.statistics import (
     spectrum,
     statistics,
 )
-from icmj.series.even_rows import evenly
+from icmj.series.even_rows import resample
 from icmj.simulation.ending import Outcome
 from icmj.simulation.simulation import Events, Simulation
 
@@ -128,7 +128,7 @@ def test_uneven_rows_do_not_show() -> None:
     def signal(t: np.ndarray) -> np.ndarray:
         return np.column_stack([np.sin(2 * np.pi * 0.7 * t), np.cos(2 * np.pi * 3.1 * t + 1)])
 
-    times, values = evenly(t, signal(t))
+    times, values = resample(t, signal(t))
     assert len(times) == 6001
     np.testing.assert_allclose(values, signal(times), atol=2e-5)
     assert np.abs(values - signal(times))[100:-100].max() < 1e-6  # but for the spline's ends

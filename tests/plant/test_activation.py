@@ -82,9 +82,9 @@ def test_inputs_have_lags_by_name_and_pushes_go_past_them():
 
 def test_a_limit_guards_no_activation():
     """A limit is of positions; where a plant names no rates it is of all states, but not of what its muscles do."""
-    from icmj.linear.loop import positions_of
+    from icmj.linear.loop import find_positions
 
-    assert positions_of(Activation(2, 0.1).before(any_plant(3))).tolist() == list(range(any_plant(3).n))
+    assert find_positions(Activation(2, 0.1).before(any_plant(3))).tolist() == list(range(any_plant(3).n))
 
 
 @pytest.mark.parametrize(("given", "words"), [

@@ -12,7 +12,7 @@ from report_browser import CHROMIUM, chromium
 
 import icmj
 from icmj.cli.main import main
-from icmj.engine.planar_chain import chain_of
+from icmj.engine.planar_chain import find_chain
 from icmj.errors import ReportError
 from icmj.report import live
 from icmj.report.player import join_scripts, script
@@ -277,7 +277,7 @@ def test_the_page_says_where_crossings_may_be_missing(small, monkeypatch):
 def test_a_model_that_is_no_chain_gets_the_linear_plant_and_the_page_says_so(small, root):
     """A person on a floor is a chain to be drawn, and what the floor does to it is not in the links."""
     plant = icmj.load_plant(root / "models/three_link_floor.xml")
-    links, why = chain_of(plant)
+    links, why = find_chain(plant)
     assert links is not None
     assert "contacts" in why
 
@@ -287,7 +287,7 @@ def test_a_spring_on_a_tendon_is_found_to_be_more_than_links(root, tmp_path):
     text = (root / "models/three_link.xml").read_text(encoding="utf-8")
     path = tmp_path / "tied.xml"
     path.write_text(text.replace('<fixed name="thigh_angle">', '<fixed name="thigh_angle" stiffness="5">'), "utf-8")
-    assert "more acts in it" in chain_of(icmj.load_plant(path))[1]
+    assert "more acts in it" in find_chain(icmj.load_plant(path))[1]
 
 
 def test_the_links_move_as_the_closed_form_of_a_pendulum_on_a_cart(tmp_path):
@@ -302,7 +302,7 @@ def test_the_links_move_as_the_closed_form_of_a_pendulum_on_a_cart(tmp_path):
       <sensor><jointpos joint="q"/></sensor></mujoco>"""
     path = tmp_path / "cart.xml"
     path.write_text(text, encoding="utf-8")
-    links, why = chain_of(icmj.load_plant(path))
+    links, why = find_chain(icmj.load_plant(path))
     assert why == ""
     q, v, w, f, m = 0.4, 0.3, -1.2, 0.7, 0.5
     M, mass, l, inertia = 2.0, 1.5, 0.7, 0.2 + 0.1

@@ -13,8 +13,8 @@ from icmj.case.comparison import compare, to_json
 from icmj.errors import LogError
 from icmj.linear.run import simulate
 from icmj.log.archive import pack, unpack
-from icmj.log.summary import markdown
 from icmj.log.summary import summarise as properties
+from icmj.log.summary import write_markdown
 from icmj.plant.linear_plant import transformation
 from icmj.report import sections
 from icmj.report.case_runs import pair, shown_interval
@@ -131,5 +131,7 @@ def test_the_viewer_gives_no_error_of_a_mean_interval_as_the_report_gives_none()
     found = noisy()
     compared = compare(found)
     assert compared.relative_error.interval is not None
-    line = next(line for line in markdown(found, compared).splitlines() if line.startswith("| open-loop interval"))
+    line = next(
+        line for line in write_markdown(found, compared).splitlines() if line.startswith("| open-loop interval")
+    )
     assert line.split("|")[-2].strip() == "–"

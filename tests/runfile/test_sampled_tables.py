@@ -10,7 +10,7 @@ import icmj
 from icmj import IcmjError, Sampled, load_run
 from icmj.errors import RunFileError
 from icmj.linear.run import simulate
-from icmj.simulation.disturbance import disturbance_of, pushes_of
+from icmj.simulation.disturbance import make_disturbance, make_pushes
 
 
 def test_a_ramp_is_what_dop853_finds() -> None:
@@ -48,7 +48,7 @@ def test_a_column_of_a_file_pushes_both_plants_and_a_log_carries_it(run, tmp_pat
         icmj.write_log(result, tmp_path / "pushed.rrd")
         (source,) = icmj.read_log(tmp_path / "pushed.rrd").run.simulation.settings().disturbance
         assert isinstance(source, Sampled)
-        assert pushes_of(replace(result.run.simulation.settings(), disturbance=(source,))).size(0.56)[
+        assert make_pushes(replace(result.run.simulation.settings(), disturbance=(source,))).size(0.56)[
             0
         ] == pytest.approx(np.interp(0.06, [0.05, 0.1], rows[1:3]))
 
@@ -86,4 +86,4 @@ def test_gaps_are_told(run, tmp_path) -> None:
 def test_after_its_last_value_it_is_held() -> None:
     source = Sampled(input="u", values=(0.0, 2.0), interval=0.5, start=0.25, on="command")
     t = np.array([0.0, 0.2, 0.25, 0.5, 0.75, 9.0])
-    np.testing.assert_allclose(disturbance_of((source,), ("u",))(t)[:, 0], [0.0, 0.0, 1.0, 2.0, 2.0, 2.0])
+    np.testing.assert_allclose(make_disturbance((source,), ("u",))(t)[:, 0], [0.0, 0.0, 1.0, 2.0, 2.0, 2.0])

@@ -6,7 +6,7 @@ import pytest
 import icmj
 from icmj.errors import DataError, FitError
 from icmj.fitting import read_trials
-from icmj.series.plates import loads_of
+from icmj.series.plates import find_loads
 
 
 def standing(names, units, load, seed=1):
@@ -75,6 +75,6 @@ def test_each_plate_has_its_own_force_and_one_centre_of_all_the_sum(tmp_path):
     icmj.write_series(standing(names, units, load), tmp_path / "two.csv")
     found = icmj.read_series(tmp_path / "two.csv", columns=names[:3])
     assert [int(np.isnan(column).sum()) for column in found.values.T] == [100, 200, 100]
-    assert loads_of(["Fz", "Fx", "coffee", "cop"], ["N", "N", "", "m"]) == {3: (0,)}
+    assert find_loads(["Fz", "Fx", "coffee", "cop"], ["N", "N", "", "m"]) == {3: (0,)}
     with pytest.raises(DataError, match=r"plate1\.force\.z is below 20 N in 100 of 3500 rows"):
         icmj.measure_sway(found.chosen(["plate1.cop.x"]))

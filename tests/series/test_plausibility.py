@@ -9,8 +9,8 @@ import pytest
 import icmj
 from icmj.errors import DataError, FitError, LogError
 from icmj.fitting import read_trials
-from icmj.log.program import program
-from icmj.series.plausibility import doubt
+from icmj.log.program import find_program
+from icmj.series.plausibility import note_oddities
 from icmj.series.series import Series
 
 STANDING = '[experiment]\nname = "s"\n[quiet_standing]\n[[case]]\nrun = "simple-0.8"\n'
@@ -30,7 +30,7 @@ def changed(series, rows, value):
 
 
 def told(series):
-    return doubt(series).facts.get("odd", "")
+    return note_oddities(series).facts.get("odd", "")
 
 
 @pytest.mark.parametrize("sentinel", [-9999.0, 9999.0, -999.0, 99999.0])
@@ -128,7 +128,7 @@ def test_two_recordings_in_one_log_are_refused(tmp_path):
         case = icmj.prepare(icmj.load_run(name).with_(**{"simulation.duration": 2.0}))
         icmj.write_log(icmj.run_case(case.run, plant="linear"), tmp_path / f"{name}.rrd")
     merged = tmp_path / "both.rrd"
-    command = [program(), "rrd", "merge", "-o", merged, tmp_path / "simple-0.8.rrd", tmp_path / "simple-1.2.rrd"]
+    command = [find_program(), "rrd", "merge", "-o", merged, tmp_path / "simple-0.8.rrd", tmp_path / "simple-1.2.rrd"]
     subprocess.run(list(map(str, command)), check=True, capture_output=True)
     for read in (icmj.read_log, icmj.log.read_summary):
         with pytest.raises(LogError, match="2 recordings in one file; a log has one"):

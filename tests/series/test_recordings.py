@@ -317,7 +317,7 @@ def test_a_reader_that_dies_or_takes_too_long_is_told(recording, tmp_path, monke
         read_series(recording[0])
     program.write_text("import time; time.sleep(30)")
     with pytest.raises(DataError, match=r"takes more than 0.2 s"):
-        c3d.groups_of(recording[0], longest=0.2)
+        c3d.read_groups(recording[0], longest=0.2)
 
 
 def test_the_reader_has_one_thread_of_blas(recording, tmp_path, monkeypatch):
@@ -327,7 +327,7 @@ def test_the_reader_has_one_thread_of_blas(recording, tmp_path, monkeypatch):
     program = "import os, sys; sys.stderr.write(os.environ['OPENBLAS_NUM_THREADS'] + ' thread'); sys.exit(3)"
     c3d._READER.write_text(program)
     with pytest.raises(DataError, match="1 thread"):
-        c3d.groups_of(recording[0])
+        c3d.read_groups(recording[0])
 
 
 def test_without_ezc3d_one_line_says_so(tmp_path, monkeypatch):

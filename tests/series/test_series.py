@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from icmj.errors import DataError
-from icmj.series.even_rows import even_series
+from icmj.series.even_rows import resample_series
 from icmj.series.series import Series
 
 T = np.arange(0, 2, 0.01)
@@ -42,7 +42,7 @@ def test_what_is_no_series_is_refused(t, values, names, words):
 
 def test_even_times_are_left_as_they_are():
     rounded = waves(np.round(T + 1e-6 * np.sin(1000 * T), 6))
-    even = even_series(rounded)
+    even = resample_series(rounded)
     assert "resampled" not in even.facts
     np.testing.assert_array_equal(even.values, rounded.values)
     assert np.ptp(np.diff(even.t)) < 1e-12
@@ -51,10 +51,10 @@ def test_even_times_are_left_as_they_are():
 def test_uneven_times_are_made_even_by_a_spline_and_said_so():
     rng = np.random.default_rng(2)
     shaken = waves(np.sort(T + rng.uniform(0, 0.004, len(T))))
-    even = even_series(shaken)
+    even = resample_series(shaken)
     assert even.facts["resampled"].startswith("cubic spline at")
     assert even["x.ankle"] == pytest.approx(np.sin(even.t), abs=1e-7)
-    fine = even_series(waves(), 333.0)
+    fine = resample_series(waves(), 333.0)
     assert 1 / (fine.t[1] - fine.t[0]) == pytest.approx(333)
     assert fine["u.ankle"] == pytest.approx(np.cos(fine.t), abs=1e-7)
 
@@ -75,7 +75,7 @@ def test_uneven_times_are_made_even_by_a_spline_and_said_so():
 ])  # fmt: skip
 def test_what_cannot_be_made_even_is_refused(spoil, rate, words):
     with pytest.raises(DataError, match=words):
-        even_series(spoil(waves()), rate)
+        resample_series(spoil(waves()), rate)
 
 
 def test_pandas_gets_times_names_and_units():

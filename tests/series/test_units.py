@@ -6,7 +6,7 @@ import pytest
 from icmj.errors import DataError
 from icmj.measurement.sway import from_torque
 from icmj.series.series import Series
-from icmj.series.units import QUANTITIES, factor_of
+from icmj.series.units import QUANTITIES, find_factor
 from icmj.series.writing import write_series
 
 T = np.arange(2000) / 100
@@ -48,5 +48,5 @@ def test_a_torque_without_a_unit_is_asked_for_it_and_takes_the_one_that_is_given
     ("kN", "force", 1e3), ("N cm", "torque", 0.01),
 ])  # fmt: skip
 def test_units_are_what_the_si_says(unit, quantity, size):
-    assert factor_of(unit, quantity, "x") == pytest.approx(size, rel=1e-15)
+    assert find_factor(unit, quantity, "x") == pytest.approx(size, rel=1e-15)
     assert all(unit.replace(" ", "") not in known for name, known in QUANTITIES.items() if name != quantity)

@@ -9,19 +9,19 @@ from icmj.errors import SimulationError
 from icmj.plant.linear_plant import Push
 from icmj.simulation.disturbance import (
     LOW_PASS_END,
-    disturbance_of,
-    expected,
-    no_disturbance,
-    pushes_of,
-    reading_error_of,
-    realised,
+    bound_realisation,
+    make_disturbance,
+    make_no_disturbance,
+    make_pushes,
+    make_reading_error,
+    measure_realisation,
 )
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import NOISE_TERMS, Bias, Impulse, Noise, Step
 
 
 def test_impulse_and_step_have_their_size_and_edges() -> None:
-    d = disturbance_of(
+    d = make_disturbance(
         [
             Impulse(input="hip", size=0.3, start=1.0, duration=0.05, on="command"),
             Step(input="ankle", size=-2.0, start=0.5, on="command"),
@@ -42,7 +42,7 @@ def test_impulse_and_step_have_their_size_and_edges() -> None:
 
 def test_noise_is_band_limited_with_the_size_asked_for_and_reproducible() -> None:
     noise = Noise(input="u", size=1.5, bandwidth=4.0, seed=7)
-    d = disturbance_of([noise], ("u",))
+    d = make_disturbance([noise], ("u",))
     t = np.arange(0, 2000, 0.05)
     values = d(t)[:, 0]
     assert len(d) == NOISE_TERMS
@@ -55,30 +55,30 @@ def test_noise_is_band_limited_with_the_size_asked_for_and_reproducible() -> Non
     assert power[frequency > 4.05].sum() < 1e-6 * power.sum()
     low, high = power[frequency < 2].sum(), power[(frequency >= 2) & (frequency < 4.05)].sum()
     assert low == pytest.approx(high, rel=0.05)
-    again = disturbance_of([noise], ("u",))
+    again = make_disturbance([noise], ("u",))
     np.testing.assert_array_equal(again(t), d(t))
-    other = disturbance_of([replace(noise, seed=8)], ("u",))
+    other = make_disturbance([replace(noise, seed=8)], ("u",))
     assert abs(np.corrcoef(other(t)[:, 0], values)[0, 1]) < 0.1
 
 
 def test_noise_starts_when_told_and_is_the_same_function_of_time() -> None:
-    late = disturbance_of([Noise(input="u", size=1.0, bandwidth=4.0, seed=7, start=2.0)], ("u",))
-    early = disturbance_of([Noise(input="u", size=1.0, bandwidth=4.0, seed=7)], ("u",))
+    late = make_disturbance([Noise(input="u", size=1.0, bandwidth=4.0, seed=7, start=2.0)], ("u",))
+    early = make_disturbance([Noise(input="u", size=1.0, bandwidth=4.0, seed=7)], ("u",))
     np.testing.assert_array_equal(late([0.0, 1.999])[:, 0], [0.0, 0.0])
     np.testing.assert_array_equal(late([2.0, 3.3]), early([2.0, 3.3]))
 
 
 def test_nothing_and_unknown_inputs() -> None:
-    assert len(no_disturbance(3)) == 0
-    assert len(no_disturbance(3).edges) == 0
-    np.testing.assert_array_equal(no_disturbance(3)(1.0), np.zeros(3))
+    assert len(make_no_disturbance(3)) == 0
+    assert len(make_no_disturbance(3).edges) == 0
+    np.testing.assert_array_equal(make_no_disturbance(3)(1.0), np.zeros(3))
     with pytest.raises(SimulationError, match="'knee': the plant's inputs are ankle, hip"):
-        disturbance_of([Step(input="knee", size=1.0, on="command")], ("ankle", "hip"))
+        make_disturbance([Step(input="knee", size=1.0, on="command")], ("ankle", "hip"))
 
 
 def test_low_pass_noise_has_its_size_and_spectrum() -> None:
     corner = 0.5
-    d = disturbance_of([Noise(input="u", size=1.5, corner=corner, seed=7, terms=2000)], ("u",))
+    d = make_disturbance([Noise(input="u", size=1.5, corner=corner, seed=7, terms=2000)], ("u",))
     assert np.sum(d.amplitude**2 / 2) == pytest.approx(1.5**2, rel=1e-12)
     frequency = d.omega / (2 * np.pi)
     assert frequency.max() <= LOW_PASS_END * corner
@@ -97,7 +97,7 @@ def test_errors_of_outputs_are_apart_from_disturbances_of_inputs() -> None:
         Noise(output="shank", size=0.1, corner=1.0, seed=3),
         Noise(input="torque", size=0.1, bandwidth=1.0, seed=3),
     ]
-    d, n = disturbance_of(sources, ("torque",)), reading_error_of(sources, ("shank", "trunk"))
+    d, n = make_disturbance(sources, ("torque",)), make_reading_error(sources, ("shank", "trunk"))
     assert (len(d), len(n)) == (1 + NOISE_TERMS, 1 + NOISE_TERMS)
     assert (n.n_u, d.n_u) == (2, 1)
     np.testing.assert_array_equal(n(0.5)[1], 0.0)
@@ -105,12 +105,12 @@ def test_errors_of_outputs_are_apart_from_disturbances_of_inputs() -> None:
     np.testing.assert_array_equal(n.edges, [1.0])
     assert abs(n(0.5)[0]) > 0
     with pytest.raises(SimulationError, match="output 'knee': the plant's outputs are shank, trunk"):
-        reading_error_of([Bias(output="knee", size=1.0)], ("shank", "trunk"))
+        make_reading_error([Bias(output="knee", size=1.0)], ("shank", "trunk"))
 
 
 def test_noise_is_the_same_signal_wherever_it_is_put() -> None:
-    n = reading_error_of([Noise(output="y", size=1.0, bandwidth=4.0, seed=7)], ("y",))
-    d = disturbance_of([Noise(input="u", size=1.0, bandwidth=4.0, seed=7)], ("u",))
+    n = make_reading_error([Noise(output="y", size=1.0, bandwidth=4.0, seed=7)], ("y",))
+    d = make_disturbance([Noise(input="u", size=1.0, bandwidth=4.0, seed=7)], ("u",))
     np.testing.assert_array_equal(n([0.3, 2.0]), d([0.3, 2.0]))
 
 
@@ -118,7 +118,7 @@ def test_noise_is_the_same_signal_wherever_it_is_put() -> None:
 def test_what_a_noise_has_over_a_run_is_the_integral_of_its_sinusoids(spectrum: dict[str, float]) -> None:
     """Mean and variance over a window by the antiderivatives of cos and cos·cos, not by samples."""
     noise, end = Noise(input="u", size=2.0, seed=1, start=3.0, **spectrum), 63.0
-    d = disturbance_of([noise], ("u",))
+    d = make_disturbance([noise], ("u",))
     w, p, a = d.omega, d.phase, d.amplitude
 
     def average(omega: np.ndarray, phase: np.ndarray) -> np.ndarray:
@@ -128,15 +128,15 @@ def test_what_a_noise_has_over_a_run_is_the_integral_of_its_sinusoids(spectrum: 
     apart = w[:, None] - w + 1e-300 * np.eye(len(w))
     other = np.where(np.eye(len(w)) > 0, 1.0, average(np.where(np.eye(len(w)) > 0, 1.0, apart), p[:, None] - p))
     square = np.sum(a[:, None] * a * (average(w[:, None] + w, p[:, None] + p) + other) / 2)
-    assert realised(noise, end) == pytest.approx((mean, np.sqrt(square - mean**2)), rel=2e-3, abs=2e-3)
+    assert measure_realisation(noise, end) == pytest.approx((mean, np.sqrt(square - mean**2)), rel=2e-3, abs=2e-3)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("spectrum", [{"bandwidth": 0.01}, {"corner": 0.02}, {"corner": 0.2, "terms": 100}])
 def test_of_other_seeds_the_range_told_holds_ninety_five_in_a_hundred(spectrum: dict[str, float]) -> None:
     noise = Noise(input="u", size=2.0, **spectrum)
-    low, high = expected(noise, 60.0)
-    inside = [low <= realised(replace(noise, seed=seed), 60.0)[1] <= high for seed in range(10_000, 11_000)]
+    low, high = bound_realisation(noise, 60.0)
+    inside = [low <= measure_realisation(replace(noise, seed=seed), 60.0)[1] <= high for seed in range(10_000, 11_000)]
     assert 0.93 < np.mean(inside) < 0.97
 
 
@@ -153,16 +153,16 @@ def test_where_something_acts_is_apart_from_how_it_goes() -> None:
             Bias("y", 1.0),
         )
     )
-    pushes = pushes_of(settings)
+    pushes = make_pushes(settings)
     assert pushes.places == settings.pushes == (Push(**on_trunk), Push("ankle"), Push("hip"))
     assert [place.magnitude for place in pushes.places] == [5.0, 1.0, 1.0]
     assert [place.unit("20 N m") for place in pushes.places] == ["N", "N m", "N m"]
     np.testing.assert_allclose(pushes.size([0.2, 0.7, 1.2])[:, :2], [[0.5, 0], [0.5, 0.7], [4.5, 0.7]])
     np.testing.assert_allclose(pushes.size.edges, [0.5, 1.0, 1.5])
-    d = disturbance_of(settings.disturbance, ("ankle", "hip"))
+    d = make_disturbance(settings.disturbance, ("ankle", "hip"))
     assert len(d) == NOISE_TERMS
     assert set(d.input) == {0}
-    assert len(reading_error_of(settings.disturbance, ("y",))) == 1
+    assert len(make_reading_error(settings.disturbance, ("y",))) == 1
 
 
 @pytest.mark.parametrize(

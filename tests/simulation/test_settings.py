@@ -107,8 +107,8 @@ def test_starts_are_named_or_whole() -> None:
 
 def test_sliding_is_twenty_least_intervals_at_the_end() -> None:
     least, longer = np.full(20, 0.05), np.array([0.3])
-    assert ending.ran(9.0, np.concatenate([longer, least]), 0.05).kind == "sliding"
-    assert ending.ran(9.0, np.concatenate([least, longer]), 0.05).kind == "completed"
-    assert ending.ran(9.0, least[:19], 0.05).kind == "completed"
-    assert ending.ran(9.0, np.zeros(40), 0.0).kind == "completed"
-    assert ending.ran(9.0, least * (1 + 1e-12), 0.05).kind == "sliding"
+    assert ending.end_complete(9.0, np.concatenate([longer, least]), 0.05).kind == "sliding"
+    assert ending.end_complete(9.0, np.concatenate([least, longer]), 0.05).kind == "completed"
+    assert ending.end_complete(9.0, least[:19], 0.05).kind == "completed"
+    assert ending.end_complete(9.0, np.zeros(40), 0.0).kind == "completed"
+    assert ending.end_complete(9.0, least * (1 + 1e-12), 0.05).kind == "sliding"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from icmj.simulation.disturbance import disturbance_of
+from icmj.simulation.disturbance import make_disturbance
 from icmj.simulation.sinusoids import Waves
 from icmj.simulation.sources import Impulse, Noise
 
@@ -26,7 +26,7 @@ def test_a_disturbance_at_many_instants_is_what_it_is_at_each():
         Noise(input="v", size=0.3, corner=0.2, seed=2, start=1.7),
         Impulse("v", 1.0, 0.5, 0.1, on="command"),
     )
-    disturbance = disturbance_of(acts, ("u", "v"))
+    disturbance = make_disturbance(acts, ("u", "v"))
     t = np.linspace(0, 9, 2001)
     one_by_one = np.array([disturbance(instant) for instant in t])
     np.testing.assert_allclose(disturbance(t), one_by_one, atol=1e-12, rtol=0)

@@ -10,7 +10,7 @@ from icmj.experiments import explain_reactions
 from icmj.experiments.refractoriness import analyse_reactions
 from icmj.experiments.stance_channels import StanceChannels, fit_channels
 from icmj.series.series import Series
-from icmj.simulation.ternary import ternary_lines
+from icmj.simulation.ternary import make_ternary_lines
 from icmj.study.experiment_file import ExperimentFile
 
 BODY = StanceChannels(60.0, 588.6, 100.0, 4.0, 800.0, 250.0, 0.15, 0.6)
@@ -23,7 +23,7 @@ STANCE = {
 def tilt(scale=1.0, noise=0.0, step=0.01, digits=None, error=0.0, periods=6):
     """A tilt of half a degree about 0, whose lines a body answers as its channels do, times ``scale``."""
     period, draw = 242 * 0.05, np.random.default_rng(1)
-    lines = ternary_lines(0.0175, 0.05, 1.0)
+    lines = make_ternary_lines(0.0175, 0.05, 1.0)
     t = step * np.arange(round(periods * period / step))
     turns = np.exp(1j * (np.outer(t, lines[:, 1]) + lines[:, 2])) * lines[:, 0]
     stimulus, body = turns.sum(axis=1).real, (turns @ BODY.response(lines[:, 1] / (2 * np.pi))).real * scale
@@ -89,7 +89,7 @@ def test_a_record_of_another_clock_keeps_its_periods():
     """Its period is 1210.0024 or 1209.9976 samples; the last of two periods must not be lost to 0.005 of one."""
     for step in (0.01 * (1 + 2e-6), 0.01 * (1 - 2e-6), 0.01 * (1 + 2e-5)):
         series = tilt(step=step, periods=2)
-        lines = ternary_lines(0.0175, 0.05, 1.0)[:, 1] / (2 * np.pi)
+        lines = make_ternary_lines(0.0175, 0.05, 1.0)[:, 1] / (2 * np.pi)
         found = icmj.multisine(series, "stimulus", "body", period=12.1, lines=lines)
         assert found.periods == 2
         np.testing.assert_allclose(found.response, BODY.response(lines), rtol=1e-3)

@@ -10,7 +10,7 @@ from icmj.controller.step_pairs import double_steps
 from icmj.errors import DataError, IcmjError, RunFileError
 from icmj.experiments.stance_channels import StanceChannels
 from icmj.series.series import Series
-from icmj.simulation.ternary import ternary_lines
+from icmj.simulation.ternary import make_ternary_lines
 from icmj.study.experiment_file import ExperimentFile
 from icmj.study.kinds import KINDS
 
@@ -62,7 +62,7 @@ def sines() -> Series:
 
 def tilts() -> Series:
     """Lines of the sequence up to 1 Hz, to which all up to 0.9 Hz are answered as by channels."""
-    lines = ternary_lines(0.0175, 0.05, 1.0)[:, 1] / (2 * np.pi)
+    lines = make_ternary_lines(0.0175, 0.05, 1.0)[:, 1] / (2 * np.pi)
     body = StanceChannels(60.0, 588.6, 100.0, 4.0, 800.0, 250.0, 0.15, 0.6)
     return answered(242 * 0.05, lines, body.response(lines), 6, ("rad", "rad"))
 

@@ -12,7 +12,7 @@ from icmj import EventTrigger, LinearPlant, Prediction, design_lq, measure, pred
 from icmj.case.laid_orbit import beside, settled_on
 from icmj.errors import DesignError
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.prediction import scaled
+from icmj.theory.prediction import scale_prediction
 
 
 def strong() -> tuple[ErrorSystem, EventTrigger, Prediction]:
@@ -97,6 +97,6 @@ def test_the_threshold_scales_every_orbit():
         for system in loops(21, 36)
         if len((found := predict(system, EventTrigger(np.eye(system.n_hat), 0.01, 1e-4), delta_max=4.0)).orbits) > 1
     )
-    for one, large in zip(several.orbits, scaled(several, 3.0).orbits, strict=True):
+    for one, large in zip(several.orbits, scale_prediction(several, 3.0).orbits, strict=True):
         assert (large.verdict, large.crossing) == (one.verdict, one.crossing)
         np.testing.assert_allclose(large.orbit.x_bar, 3 * one.orbit.x_bar)

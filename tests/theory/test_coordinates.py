@@ -8,7 +8,7 @@ from icmj import EventTrigger, LinearPlant, error_system, predict
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import system_matched, zero_order
-from icmj.theory.flow import flow
+from icmj.theory.flow import make_flow
 
 CASES = {
     "b=0.8": (pendulum(0.8), pendulum_design()),
@@ -113,7 +113,7 @@ def test_no_unit_of_time_changes_anything_but_times(hold, t_d):
 def test_a_flow_is_the_same_to_the_bit_in_any_unit_of_time(unit):
     """However large the rates are in it; the eighteenth power of 2^60 / s is beyond numbers."""
     A, t = next(iter(random_systems(700, 20))).A_C, np.array([0.0, 0.01, 0.3, 3.0])
-    np.testing.assert_array_equal(flow(A * unit).increment(t / unit), flow(A).increment(t))
+    np.testing.assert_array_equal(make_flow(A * unit).increment(t / unit), make_flow(A).increment(t))
 
 
 @pytest.mark.parametrize("hold", [system_matched, zero_order])

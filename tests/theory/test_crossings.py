@@ -13,7 +13,7 @@ from icmj.controller.design import design_lq
 from icmj.controller.hold import system_matched, zero_order
 from icmj.errors import AnalysisError, DesignError
 from icmj.theory import crossings as search_module
-from icmj.theory.circle import outside
+from icmj.theory.circle import count_outside
 from icmj.theory.crossings import _join, search
 from icmj.theory.error_system import ErrorSystem
 
@@ -264,9 +264,9 @@ def test_an_eigenvalue_that_passes_the_circle_between_two_panels_is_not_lost(mon
     """By rounding it may be inside where one panel ends and outside where the next begins: the change is on neither."""
 
     def passing(g, delta):
-        return outside(g, delta) + (delta[:, :1] >= 0.75)  # panels end every 0.375 s
+        return count_outside(g, delta) + (delta[:, :1] >= 0.75)  # panels end every 0.375 s
 
-    monkeypatch.setattr(search_module, "outside", passing)
+    monkeypatch.setattr(search_module, "count_outside", passing)
     found = search(shipped("b=0.8"), 3.0)
     assert [c.kind for c in found.crossings] == ["+1"]
     assert found.unresolved == ((0.75, 0.75),)

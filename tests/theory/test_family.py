@@ -22,8 +22,8 @@ from icmj.controller.delay import NO_DELAY
 from icmj.linear.run import simulate
 from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.event_maps import jacobian
-from icmj.theory.reduction import mixtures, modulo
+from icmj.theory.event_maps import compute_jacobian
+from icmj.theory.reduction import divide_by_family, list_mixtures
 
 
 def orthogonal(rng, size):
@@ -189,15 +189,15 @@ def test_a_family_beside_a_neutral_mode():
 
 def test_mixtures_span_the_family():
     for k in (1, 2, 3, 6):
-        assert np.linalg.matrix_rank(mixtures(k)) == k
-    assert len(mixtures(1)) == 1
+        assert np.linalg.matrix_rank(list_mixtures(k)) == k
+    assert len(list_mixtures(1)) == 1
 
 
 def test_what_is_left_modulo_a_family_is_the_quotient():
     rng = np.random.default_rng(6)
     S = rng.normal(size=(5, 5))
     J = S @ np.diag([1.0, 1.0, 0.0, 0.5, -0.3]) @ np.linalg.inv(S)
-    left = np.linalg.eigvals(modulo(J, S[:, :3], 1))
+    left = np.linalg.eigvals(divide_by_family(J, S[:, :3], 1))
     np.testing.assert_allclose(np.sort(left.real), [-0.3, 0.0, 0.5], atol=1e-10)
 
 
@@ -228,7 +228,7 @@ def assert_such_families(systems: Iterator[ErrorSystem], delays: list[Delay]) ->
         if p.verdict not in ("family", "repelling"):
             assert p.verdict != "attracting"
             continue
-        J, one = jacobian(system, rule, p.orbit), np.eye(system.n_hat)
+        J, one = compute_jacobian(system, rule, p.orbit), np.eye(system.n_hat)
         row = p.orbit.e_hp[-1] @ np.hstack([system.T_hat, one, 0 * one]) @ system.lift
         np.testing.assert_allclose(row @ J, row, atol=1e-7 * np.abs(row).max() * np.abs(J).max())
         assert len(p.multipliers) == len(J) - 1

@@ -8,14 +8,14 @@ from theory_cases import SHIPPED, random_systems, shipped
 from icmj import LinearPlant, design_lq
 from icmj.errors import AnalysisError
 from icmj.theory.error_system import error_system
-from icmj.theory.flow import flow
-from icmj.theory.locus import follow, locus
+from icmj.theory.flow import make_flow
+from icmj.theory.locus import follow, follow_locus
 
 
 @pytest.mark.parametrize("case", SHIPPED)
 def test_values_are_the_eigenvalues_of_phi(case):
     system = shipped(case)
-    result = locus(system, 2.0)
+    result = follow_locus(system, 2.0)
     for m in range(0, len(result.delta), 17):
         expected = np.linalg.eigvals(system.phi(result.delta[m]))
         scale = np.abs(expected).max()
@@ -27,7 +27,7 @@ def test_values_are_the_eigenvalues_of_phi(case):
 
 def test_the_exact_model_s_branches_are_exponentials_of_the_design_s_poles():
     system = shipped("exact")
-    result = locus(system, 2.0)
+    result = follow_locus(system, 2.0)
     poles = np.concatenate([np.linalg.eigvals(system.design.A_c), np.linalg.eigvals(system.design.A_o)])
     for branch in result.eigenvalues.T:
         first = np.abs(np.exp(poles * result.delta[0]) - branch[0]).argmin()
@@ -50,7 +50,7 @@ def test_branches_that_cross_are_not_swapped():
 def test_branches_agree_with_a_grid_so_fine_that_no_doubt_is_left():
     compared = 0
     for system in random_systems(31, 12):
-        coarse = locus(system, 1.5)
+        coarse = follow_locus(system, 1.5)
         fine = 64
         step = expm(system.A_C * coarse.delta[0] / fine)
         E = np.eye(len(system.A_C))
@@ -83,7 +83,7 @@ def test_branches_agree_with_a_grid_so_fine_that_no_doubt_is_left():
 def test_increments_keep_their_digits_for_short_times():
     A = np.array([[0.0, 1e4], [-3.0, -2.0]])
     for t in (1e-12, 1e-6, 1e-2, 3.0):
-        increment = flow(A).increment(t)
+        increment = make_flow(A).increment(t)
         # φ₁ by an augmented exponential: (e^{At} − I) = A t φ₁(At)
         augmented = expm(np.block([[A * t, np.eye(2)], [np.zeros((2, 4))]]))[:2, 2:]
         np.testing.assert_allclose(increment, A * t @ augmented, rtol=1e-9, atol=1e-12 * np.abs(increment).max())
@@ -92,7 +92,7 @@ def test_increments_keep_their_digits_for_short_times():
 def test_trajectories_agree_with_the_exponential():
     system = shipped("b=0.9 three-link")
     X = np.random.default_rng(0).normal(size=18)
-    t, states = flow(system.A_C).trajectory(X, 0.76, 100)
+    t, states = make_flow(system.A_C).trajectory(X, 0.76, 100)
     assert len(t) == 129
     for i in (0, 1, 50, 128):
         np.testing.assert_allclose(states[i], expm(system.A_C * t[i]) @ X, rtol=1e-10, atol=1e-10 * abs(states).max())
@@ -100,16 +100,16 @@ def test_trajectories_agree_with_the_exponential():
 
 def test_an_empty_range_is_refused():
     with pytest.raises(AnalysisError, match="positive end"):
-        locus(shipped("b=0.8"), 0.0)
+        follow_locus(shipped("b=0.8"), 0.0)
     with pytest.raises(AnalysisError, match="finite and square"):
-        flow(np.array([[np.nan]]))
+        make_flow(np.array([[np.nan]]))
 
 
 def test_beyond_what_numbers_hold_there_is_no_locus():
     plant = LinearPlant(np.array([[0.0, 1.0], [9e4, 0.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]))
     system = error_system(plant.scaled(0.9), design_lq(plant, R_c=0.1, R_o=0.01))
-    found = locus(system, 5.0, points=64)
+    found = follow_locus(system, 5.0, points=64)
     assert 0.5 < found.delta[-1] < 4.0  # e^(300 · 5) is none
     assert np.isfinite(found.eigenvalues).all()
     with pytest.raises(AnalysisError, match="beyond all numbers"):
-        locus(system, 1e3, points=64)
+        follow_locus(system, 1e3, points=64)

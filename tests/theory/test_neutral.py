@@ -21,7 +21,7 @@ from icmj import Controller, Delay, Design, EventTrigger, LinearPlant, Settings,
 from icmj.errors import AnalysisError
 from icmj.linear.run import simulate
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.reduction import reduction, stable_modulo_neutral
+from icmj.theory.reduction import is_stable_modulo_neutral, reduce_system
 
 PLAIN = 1.8065  # Δ_crit of the pendulum alone [s], notes, section 4
 
@@ -204,12 +204,12 @@ def test_a_mode_that_the_control_sees_is_not_neutral():
     plain = pendulum_design()
     kinds = [beside(gain, cases.INTEGRATOR, driven=[[0, 1]], shown=[1]) for gain in (1.0, 0.8)]
     design = Design(kinds[0], np.hstack([plain.k, [[0.5]]]), block_diag(plain.L, [[1.0]]))
-    assert reduction(error_system(kinds[1], design)).modes == ()
+    assert reduce_system(error_system(kinds[1], design)).modes == ()
 
 
 @pytest.mark.parametrize("case", SHIPPED)
 def test_the_shipped_cases_have_none(case):
-    assert reduction(shipped(case)).modes == ()
+    assert reduce_system(shipped(case)).modes == ()
 
 
 def test_random_plants_beside_unseen_modes_in_mixed_states():
@@ -238,15 +238,15 @@ def test_random_plants_beside_unseen_modes_in_mixed_states():
         found, expected = search(whole, 2.0).crossings, search(system, 2.0).crossings
         assert [(c.kind, c.direction) for c in found] == [(c.kind, c.direction) for c in expected]
         np.testing.assert_allclose([c.delta for c in found], [c.delta for c in expected], rtol=1e-6)
-        assert sum(len(mode.rates) for mode in reduction(whole).modes) == 2 * h
+        assert sum(len(mode.rates) for mode in reduce_system(whole).modes) == 2 * h
 
 
 def test_stability_modulo_neutral_modes_of_small_matrices():
     b, c = np.array([[1.0], [0.0]]), np.array([[1.0, 0.0]])
-    assert stable_modulo_neutral(np.diag([-1.0, 0.0]), b, c)
-    assert not stable_modulo_neutral(np.diag([-1.0, 0.1]), b, c)
-    assert not stable_modulo_neutral(np.diag([0.0, -1.0]), b, c)
-    assert stable_modulo_neutral(np.array([[-1.0, 1.0], [0.0, 0.0]]), b, c)  # seen, but not to be changed
+    assert is_stable_modulo_neutral(np.diag([-1.0, 0.0]), b, c)
+    assert not is_stable_modulo_neutral(np.diag([-1.0, 0.1]), b, c)
+    assert not is_stable_modulo_neutral(np.diag([0.0, -1.0]), b, c)
+    assert is_stable_modulo_neutral(np.array([[-1.0, 1.0], [0.0, 0.0]]), b, c)  # seen, but not to be changed
 
 
 @pytest.mark.parametrize("case", ["integrator", "double integrator"])

@@ -7,18 +7,18 @@ from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
 from theory_cases import SHIPPED, random_systems, shipped
 
-from icmj.base.bernstein import maxima
+from icmj.base.bernstein import find_maxima
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.errors import AnalysisError
 from icmj.theory.crossings import search
-from icmj.theory.orbit import orbit
-from icmj.theory.prediction import critical_crossing
+from icmj.theory.orbit import compute_orbit
+from icmj.theory.prediction import find_critical_crossing
 
 WITH_ORBIT = [c for c in SHIPPED if c != "exact"]
 
 
 def critical(system, end=4.0):
-    crossing, _ = critical_crossing(search(system, end).crossings)
+    crossing, _ = find_critical_crossing(search(system, end).crossings)
     assert crossing is not None
     return crossing.delta, int(crossing.kind)
 
@@ -43,7 +43,7 @@ def test_orbit_closes_and_meets_the_threshold_under_an_ode_integrator(case):
     system = shipped(case)
     trigger = EventTrigger(np.eye(system.n_hat), 0.01)
     delta, sign = critical(system)
-    o = orbit(system, trigger, delta, sign)
+    o = compute_orbit(system, trigger, delta, sign)
     n, m = system.n, system.n_hat
     times = np.unique(np.concatenate([o.t, np.linspace(0, delta, 4001)]))
     z = integrate(system, system.to_original(o.X[0]), delta, times)
@@ -67,7 +67,7 @@ def test_orbit_closes_and_meets_the_threshold_under_an_ode_integrator(case):
 def test_gamma_is_the_paper_s_and_the_orbit_scales_with_the_threshold():
     system = shipped("b=0.8")
     delta, sign = critical(system)
-    small, large = (orbit(system, EventTrigger(np.eye(2), q), delta, sign) for q in (1e-3, 1.0))
+    small, large = (compute_orbit(system, EventTrigger(np.eye(2), q), delta, sign) for q in (1e-3, 1.0))
     V = small.x_bar / small.gamma
     assert np.linalg.norm(V) == pytest.approx(1.0)
     assert V[np.abs(V).argmax()] > 0
@@ -79,7 +79,7 @@ def test_gamma_is_the_paper_s_and_the_orbit_scales_with_the_threshold():
 def test_peaks_are_stationary_to_twelve_digits():
     system = shipped("b=1.2")
     delta, sign = critical(system)
-    o = orbit(system, EventTrigger(np.eye(2), 0.01), delta, sign)
+    o = compute_orbit(system, EventTrigger(np.eye(2), 0.01), delta, sign)
     # y' = v here, so the peak of y is where v vanishes: locate that by bisection on the exponential
     v = o.X[:, 0]
     i = int(np.flatnonzero(v[:-1] * v[1:] < 0)[0])
@@ -91,7 +91,7 @@ def test_peaks_are_stationary_to_twelve_digits():
 def test_the_mirrored_half_counts_in_the_range(case):
     system = shipped(case)
     delta, sign = critical(system)
-    o = orbit(system, EventTrigger(np.eye(2), 0.01), delta, sign)
+    o = compute_orbit(system, EventTrigger(np.eye(2), 0.01), delta, sign)
     if sign < 0:
         np.testing.assert_allclose(o.y_range, 2 * o.y_peak)
     else:
@@ -101,7 +101,7 @@ def test_the_mirrored_half_counts_in_the_range(case):
 def test_not_admissible_below_the_least_interval():
     system = shipped("b=0.8")
     delta, sign = critical(system)
-    o = orbit(system, EventTrigger(np.eye(2), 0.01, delta_min=2.0), delta, sign)
+    o = compute_orbit(system, EventTrigger(np.eye(2), 0.01, delta_min=2.0), delta, sign)
     assert not o.admissible
     assert "Δ_min" in o.reason
 
@@ -109,9 +109,9 @@ def test_not_admissible_below_the_least_interval():
 def test_a_weight_that_does_not_detect_the_orbit_is_named():
     system = shipped("b=0.8")
     delta, sign = critical(system)
-    e = orbit(system, EventTrigger(np.eye(2), 0.01), delta, sign).e_hp[-1]
+    e = compute_orbit(system, EventTrigger(np.eye(2), 0.01), delta, sign).e_hp[-1]
     across = np.array([-e[1], e[0]]) / np.linalg.norm(e)
-    o = orbit(system, EventTrigger(np.outer(across, across), 0.01), delta, sign)
+    o = compute_orbit(system, EventTrigger(np.outer(across, across), 0.01), delta, sign)
     assert not o.admissible
     assert "does not detect" in o.reason
     assert np.isinf(o.gamma)
@@ -135,12 +135,12 @@ def test_admissibility_agrees_with_a_fine_grid_for_any_semidefinite_weight():
     rng = np.random.default_rng(8)
     verdicts = []
     for system in random_systems(17, 160):
-        crossing, _ = critical_crossing(search(system, 2.0).crossings)
+        crossing, _ = find_critical_crossing(search(system, 2.0).crossings)
         if crossing is None:
             continue
         w = rng.normal(size=(1, system.n_hat))
         trigger = EventTrigger(w.T @ w, 0.01, 0.0)
-        o = orbit(system, trigger, crossing.delta, int(crossing.kind))
+        o = compute_orbit(system, trigger, crossing.delta, int(crossing.kind))
         E = event_function(system, o, trigger, crossing.delta)
         if (E >= 0).any():
             assert not o.admissible
@@ -158,7 +158,7 @@ def test_an_event_function_that_touches_zero_between_samples_is_an_earlier_event
     """Q_t = wwᵀ with w turned until E just touches zero in mid-interval; the touch lasts microseconds."""
     system = shipped(case)
     delta, sign = critical(system)
-    base = orbit(system, EventTrigger(np.eye(2), 0.01), delta, sign)
+    base = compute_orbit(system, EventTrigger(np.eye(2), 0.01), delta, sign)
 
     def ratio(tau, w):
         return (w @ system.T_t @ expm(system.A_C * tau) @ base.X[0]) ** 2 / (w @ base.e_hp[-1]) ** 2
@@ -175,7 +175,7 @@ def test_an_event_function_that_touches_zero_between_samples_is_an_earlier_event
         assert (excess(angle) < 0) == admissible
         assert abs(excess(angle)) < 1e-6
         w = np.array([np.cos(angle), np.sin(angle)])
-        o = orbit(system, EventTrigger(np.outer(w, w), 0.01), delta, sign)
+        o = compute_orbit(system, EventTrigger(np.outer(w, w), 0.01), delta, sign)
         assert o.admissible == admissible, o.reason
         assert (o.E[:-1] < 0).all()  # no sample of the grid sees it
 
@@ -183,18 +183,18 @@ def test_an_event_function_that_touches_zero_between_samples_is_an_earlier_event
 @pytest.mark.parametrize(("delta", "sign"), [(0.0, 1), (np.nan, 1), (1.0, 0)])
 def test_nonsense_is_refused(delta, sign):
     with pytest.raises(AnalysisError):
-        orbit(shipped("b=0.8"), EventTrigger(np.eye(2), 0.01), delta, sign)
+        compute_orbit(shipped("b=0.8"), EventTrigger(np.eye(2), 0.01), delta, sign)
 
 
 def test_a_weight_of_the_wrong_size_is_refused():
     with pytest.raises(AnalysisError, match="Q_t"):
-        orbit(shipped("b=0.8"), EventTrigger(np.eye(3), 0.01), 1.8, 1)
+        compute_orbit(shipped("b=0.8"), EventTrigger(np.eye(3), 0.01), 1.8, 1)
 
 
 def test_maxima_find_a_bump_narrower_than_any_grid_and_agree_with_roots_of_the_derivative():
     square = np.array([0.09 + 1e-12, -0.6, 1.0])
     p = -np.polynomial.polynomial.polymul(square, [1.0, 1.0])
-    found = maxima(np.stack([p, p - 1], axis=1)[:, :, None])
+    found = find_maxima(np.stack([p, p - 1], axis=1)[:, :, None])
     assert found.value[0] == pytest.approx(-1.3e-12, abs=1e-14)
     assert found.cell[0] == 0
     assert found.s[0] == pytest.approx(0.3, abs=1e-5)
@@ -204,4 +204,4 @@ def test_maxima_find_a_bump_narrower_than_any_grid_and_agree_with_roots_of_the_d
         s = np.roots(np.polynomial.polynomial.polyder(p)[::-1])
         s = s[(np.abs(s.imag) < 1e-12) & (s.real > 0) & (s.real < 1)].real
         expected = np.polynomial.polynomial.polyval(np.concatenate([[0, 1], s]), p).max()
-        assert maxima(p[:, None, None]).value[0] == pytest.approx(expected, abs=1e-12)
+        assert find_maxima(p[:, None, None]).value[0] == pytest.approx(expected, abs=1e-12)

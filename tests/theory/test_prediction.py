@@ -7,10 +7,10 @@ from theory_cases import SHIPPED, neglected, pendulum_design, shipped
 from icmj import EventTrigger, output_weight, zero_order
 from icmj.errors import AnalysisError
 from icmj.theory.crossing import Crossing
-from icmj.theory.eigenstructure import ILL_CONDITIONED, eigenstructure
+from icmj.theory.eigenstructure import ILL_CONDITIONED, compute_eigenstructure
 from icmj.theory.error_system import error_system
-from icmj.theory.locus import locus
-from icmj.theory.prediction import critical_crossing, predict
+from icmj.theory.locus import follow_locus
+from icmj.theory.prediction import find_critical_crossing, predict
 
 PUBLISHED = {  # Δ_crit, its eigenvalue, the largest other one, whether there is a cycle, and its stability
     "b=0.8": (1.807, 1, 0.268, True, "attracting"),
@@ -53,7 +53,7 @@ def test_the_exact_model_predicts_nothing():
     p = prediction("exact")
     assert (p.delta_crit, p.eigenvalue, p.period, p.gamma, p.amplitude, p.orbit) == (None,) * 6
     assert (p.multipliers, p.V_inv, p.verdict, p.cycle, p.crossings) == (None, None, "none", False, ())
-    assert locus(shipped("exact"), 3.0).largest.max() < 1
+    assert follow_locus(shipped("exact"), 3.0).largest.max() < 1
 
 
 def test_continuous_poles_of_the_neglected_dynamics():
@@ -89,11 +89,11 @@ def test_delta_crit_follows_its_definition():
     falling = crossing(0.5, "+1", "falling", 0.5)
     crowded = crossing(0.6, "-1", "rising", 1.2)
     good = crossing(0.7, "-1", "rising", 0.9)
-    assert critical_crossing((pair, falling, crowded, good)) == (good, True)
-    assert critical_crossing((pair, falling, crowded)) == (falling, False)
-    assert critical_crossing((pair, crowded)) == (crowded, False)
-    assert critical_crossing((pair,)) == (None, False)
-    assert critical_crossing(()) == (None, False)
+    assert find_critical_crossing((pair, falling, crowded, good)) == (good, True)
+    assert find_critical_crossing((pair, falling, crowded)) == (falling, False)
+    assert find_critical_crossing((pair, crowded)) == (crowded, False)
+    assert find_critical_crossing((pair,)) == (None, False)
+    assert find_critical_crossing(()) == (None, False)
 
 
 def random_similarity(rng, size):
@@ -108,7 +108,7 @@ def test_a_defective_phi_gets_a_schur_form_and_says_so(gap):
     for _ in range(20):
         S = random_similarity(rng, 4)
         phi = S @ J @ np.linalg.inv(S)
-        found = eigenstructure(phi, 1)
+        found = compute_eigenstructure(phi, 1)
         assert found.condition > ILL_CONDITIONED
         assert not found.diagonal
         W = found.V_inv
@@ -124,7 +124,7 @@ def test_a_well_conditioned_phi_is_diagonalised():
     rng = np.random.default_rng(3)
     S = random_similarity(rng, 4)
     phi = S @ np.diag([0.5, -1, 0.2, -0.7]) @ np.linalg.inv(S)
-    found = eigenstructure(phi, -1)
+    found = compute_eigenstructure(phi, -1)
     assert found.diagonal
     W = found.V_inv
     np.testing.assert_allclose(W @ phi @ np.linalg.inv(W), np.diag([-1, -0.7, 0.5, 0.2]), atol=1e-12)
@@ -132,7 +132,7 @@ def test_a_well_conditioned_phi_is_diagonalised():
 
 def test_a_defective_critical_eigenvalue_has_no_chi():
     phi = np.array([[1.0, 1, 0], [0, 1, 0], [0, 0, 0.5]])
-    found = eigenstructure(phi, 1)
+    found = compute_eigenstructure(phi, 1)
     assert found.V_inv is None
     assert found.condition > 1e12
 
@@ -150,7 +150,7 @@ def test_another_hold_and_its_exact_system():
     assert p.delta_crit == pytest.approx(np.log(2), rel=1e-12)
     assert p.eigenvalue == -1
     assert p.crossings[0].largest_other == pytest.approx(1 / 8, rel=1e-10)
-    shown = locus(system, 2.0)
+    shown = follow_locus(system, 2.0)
     branch = shown.eigenvalues[:, np.abs(shown.eigenvalues[-1]).argmax()]
     np.testing.assert_allclose(branch, 3 - 2 * np.exp(shown.delta), rtol=1e-9)
 

@@ -29,7 +29,7 @@ from icmj.errors import AnalysisError, IcmjError
 from icmj.linear.run import simulate
 from icmj.theory import SmallNoise, predict_spread
 from icmj.theory.error_system import error_system
-from icmj.theory.spread import gather, noise_states
+from icmj.theory.spread import gather, make_noise_states
 
 
 def rule_of(system, q_t=0.01):
@@ -175,7 +175,7 @@ def test_noise_states_have_the_density_of_noise_on_a_grid(corner):
     exact = interval * (1 - a**2) / np.abs(1 - a * turn) ** 2 * np.sinc(f * interval) ** 4  # two-sided
     before = np.inf
     for order in (1, 2, 3, 4, 6):
-        A, Q = noise_states(SmallNoise(np.zeros(1), np.zeros(1), interval, corner), order)
+        A, Q = make_noise_states(SmallNoise(np.zeros(1), np.zeros(1), interval, corner), order)
         G = np.array([np.linalg.inv(2j * np.pi * at * np.eye(order) - A)[0] for at in f])
         off = np.einsum("fi,ij,fj->f", G, Q, G.conj()).real / exact - 1
         assert off.min() > -1e-9  # from above: each power of the inverse makes it smaller

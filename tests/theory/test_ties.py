@@ -6,7 +6,7 @@ from theory_cases import random_systems, started_beside
 
 from icmj import BoxTrigger, EventTrigger, LinearPlant, design_lq, predict
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.event_maps import jacobians
+from icmj.theory.event_maps import compute_jacobians
 
 
 def two_pendulums(gain: float) -> ErrorSystem:
@@ -25,7 +25,7 @@ def test_two_pendulums_that_sway_alike_are_judged_on_both_faces(gain: float, att
     system, rule = two_pendulums(gain), BoxTrigger(0.01, on, 1e-4)
     found = predict(system, rule)
     assert found.orbit.admissible, found.orbit.reason
-    assert len(jacobians(system, rule, found.orbit)) == 2
+    assert len(compute_jacobians(system, rule, found.orbit)) == 2
     assert found.verdict == ("attracting" if attracts else "repelling")
     for seed in range(2):
         assert started_beside(system, rule, found, seed)[1] == attracts
@@ -42,7 +42,7 @@ def test_faces_that_are_met_together_by_chance_are_judged_by_what_the_simulator_
         found = predict(system, rule, delta_max=2.0)
         if found.verdict not in ("attracting", "repelling"):
             continue
-        assert len(jacobians(system, rule, found.orbit)) == system.n_hat
+        assert len(compute_jacobians(system, rule, found.orbit)) == system.n_hat
         if not 0.9 < np.abs(found.multipliers).max() < 1.1:
             attracting += found.verdict == "attracting"
             repelling += found.verdict == "repelling"

@@ -11,7 +11,7 @@ from icmj.case.laid_orbit import lay_orbit
 from icmj.case.motion import event_rows, output_rate, reduce_state
 from icmj.case.result import Result
 from icmj.linear.run import simulate
-from icmj.log.groups import groups
+from icmj.log.groups import list_groups
 from icmj.report.case_runs import pair
 from icmj.report.panels import PANELS
 
@@ -111,7 +111,7 @@ def test_viewer_and_report_lay_it_alike(x_part: float, observer_part: float) -> 
     """Also where plant and observer part of x̄ point to different images."""
     found = off_the_cycle(x_part, observer_part)
     start = found.simulation.events.t[-1]
-    series = next(group for group in groups(found) if group.path == "outputs/predicted")
+    series = next(group for group in list_groups(found) if group.path == "outputs/predicted")
     in_viewer = series.values[np.searchsorted(series.t, start), 0]
     axes = next(panel for panel in PANELS if panel.letter == "d").draw(pair([found])[0]).axes[0]
     curve = next(line for line in axes.get_lines() if line.get_label() == "predicted")

@@ -54,7 +54,7 @@ class ContinueCommand(Overrides):
 
     def carry_out(self, out: Terminal, err: Terminal) -> None:
         """Follow a branch, and what branches off; store and list them."""
-        from icmj.base.files import replaceable, write_bytes
+        from icmj.base.files import expect_replaceable, write_bytes
         from icmj.case.notices import doubt_setpoint
         from icmj.cycle.branch import write_branch
         from icmj.cycle.continuation import BRANCHING, branch_off, follow
@@ -79,7 +79,7 @@ class ContinueCommand(Overrides):
                     points=self.points, progress=lambda done: working.tell(what, done),
                 )  # fmt: skip
 
-            replaceable(*(self.out / f"{name}.{main_plant}.{kind}" for kind in kinds))
+            expect_replaceable(*(self.out / f"{name}.{main_plant}.{kind}" for kind in kinds))
             found, off = [walk(main_plant, f"{name}, {main_plant}")], list[str]()
             for special in found[0].specials if self.branches else ():
                 if special.kind in BRANCHING:
@@ -119,10 +119,10 @@ def _show_branch(branch: Branch, out: Terminal) -> None:
     import numpy as np
 
     from icmj.base.numbers import amount
-    from icmj.cycle.parameter import with_unit
+    from icmj.cycle.parameter import name_with_unit
 
     columns = (
-        Column(with_unit(branch.parameter), "right"),
+        Column(name_with_unit(branch.parameter), "right"),
         Column("interval (s)", "right"),
         Column("period (s)", "right", 1),
         *(Column(f"peak of {name}", "right", 2) for name in branch.outputs),

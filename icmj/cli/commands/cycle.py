@@ -242,10 +242,10 @@ def _find_reach(simulation: Simulation, period: float) -> tuple[Array, Array]:
     """Largest and smallest of the outputs in the last period, or in all where there is none."""
     import numpy as np
 
-    from icmj.base.array import between
+    from icmj.base.array import is_between
 
     since = 0.0 if np.isnan(period) else max(simulation.t[-1] - period, 0.0)
-    y = simulation.y[between(simulation.t, since)]
+    y = simulation.y[is_between(simulation.t, since)]
     return y.max(axis=0), y.min(axis=0)
 
 

@@ -50,7 +50,7 @@ class ExportCommand(Command):
 
 
 def _export(log: Path, command: ExportCommand, out: Terminal, err: Terminal) -> None:
-    from icmj.base.files import replaceable
+    from icmj.base.files import expect_replaceable
     from icmj.errors import DataError
     from icmj.log.reader import read_log
     from icmj.series.writing import find_writers, write_series
@@ -60,7 +60,7 @@ def _export(log: Path, command: ExportCommand, out: Terminal, err: Terminal) -> 
         expected = f".{command.to}, as --to says" if command.to else ", ".join(find_writers())
         raise DataError(f"--out {path}: expected a name that ends in {expected}")
     events_path = path.with_suffix(f".events{path.suffix}")
-    replaceable(path, events_path)
+    expect_replaceable(path, events_path)
     with Working(f"exporting {log.name}", err):
         result = read_log(log)
         rows, events = result.to_series(command.rate), result.events_to_series()

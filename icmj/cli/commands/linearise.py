@@ -56,13 +56,13 @@ class LineariseCommand(Command):
 
     def carry_out(self, out: Terminal, err: Terminal) -> None:
         """Linearise an MJCF model and print it."""
-        from icmj.base.files import replaceable
+        from icmj.base.files import expect_replaceable
         from icmj.engine.plant import load_plant
         from icmj.plant.body import OperatingRule, Selection
         from icmj.work.shipped import model_file
 
         if self.out is not None:
-            replaceable(self.out)
+            expect_replaceable(self.out)
         chosen = "joints" if self.outputs == ("joints",) else self.outputs or None
         kind = self.operating_point or ("as given" if self.keyframe else "found")
         with Working(f"linearising {self.model.name}", err):

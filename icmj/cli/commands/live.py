@@ -32,11 +32,11 @@ class LiveCommand(Overrides):
 
     def carry_out(self, out: Terminal, err: Terminal) -> None:
         """Write the page of one case."""
-        from icmj.base.files import replaceable
+        from icmj.base.files import expect_replaceable
         from icmj.case.case import prepare
         from icmj.report.live import build_live
 
-        replaceable(self.out)
+        expect_replaceable(self.out)
         run = self.load(self.run)
         with Working(label := f"predicting {run.case.name}", err) as working:
             build_live(prepare(run), self.out, progress=lambda done: working.tell(label, done))

@@ -119,8 +119,8 @@ def _measure_file(path: Path, command: MeasureCommand, err: Terminal) -> tuple[S
 def _read_signals(path: Path, command: MeasureCommand) -> tuple[Series, tuple[str, ...]]:
     """The series to be measured, from a log or a file, evenly sampled for a log or with a rate; and notes."""
     from icmj.errors import DataError
-    from icmj.series.even_rows import even_series
-    from icmj.series.plausibility import doubt
+    from icmj.series.even_rows import resample_series
+    from icmj.series.plausibility import note_oddities
     from icmj.series.reading import cut_rows, read_series
 
     columns = command.columns if command.torque is None else (*command.columns, command.torque)
@@ -139,8 +139,8 @@ def _read_signals(path: Path, command: MeasureCommand) -> tuple[Series, tuple[st
         series = series.chosen(columns or moving or [name for name in series.names if name.startswith("y.")])
         return replace(series, facts={k: v for k, v in series.facts.items() if k != "resampled"}), notes
     series = read_series(path, columns=columns, rate=command.rate, since=command.since, until=command.until)
-    series = doubt(series)
-    return (series if command.rate is None else even_series(series, command.rate)), ()
+    series = note_oddities(series)
+    return (series if command.rate is None else resample_series(series, command.rate)), ()
 
 
 def show_sway(sway: Sway, title: str, out: Terminal) -> None:

@@ -225,7 +225,7 @@ def _note_shipped(model: Path) -> list[str]:
 
 def _copy(shipped: Path, out: Path) -> list[Path]:
     """The run file of a shipped case, and the models that it names, side by side."""
-    from icmj.base.files import read_bytes, replaceable, write_bytes, write_text
+    from icmj.base.files import expect_replaceable, read_bytes, write_bytes, write_text
     from icmj.engine.model_files import MOST_BYTES
     from icmj.runfile.reading import load_run
 
@@ -236,7 +236,7 @@ def _copy(shipped: Path, out: Path) -> list[Path]:
     for name in filter(None, (run.assumed.model, run.actual.model)):
         models[name] = out.parent / Path(name).name
         text = text.replace(f'"{name}"', f'"{Path(name).name}"')
-    replaceable(*models.values())
+    expect_replaceable(*models.values())
     for name, target in models.items():
         source = shipped.parent / name
         if target.exists() and read_bytes(target, MOST_BYTES) != source.read_bytes():
@@ -249,13 +249,13 @@ def _copy(shipped: Path, out: Path) -> list[Path]:
 
 def _copy_file(shipped: Path, out: Path) -> list[Path]:
     """A shipped sweep, experiment or family, and the run file of a family, which has no name of its own."""
-    from icmj.base.files import replaceable, write_bytes, write_text
+    from icmj.base.files import expect_replaceable, write_bytes, write_text
 
     _refuse_existing(out)
     text, beside = shipped.read_text(encoding="utf-8"), list[Path]()
     for name in dict.fromkeys(re.findall(r'^run = "(runs/[^"]+)"', text, re.MULTILINE)):
         target, source = out.parent / Path(name).name, shipped.parent / name
-        replaceable(target)
+        expect_replaceable(target)
         if target.exists() and target.read_bytes() != source.read_bytes():
             raise RunFileError(f"{target}: exists already and is another run file; choose another folder with --out")
         write_bytes(target, source.read_bytes())

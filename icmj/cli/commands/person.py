@@ -32,12 +32,12 @@ class PersonCommand(Command):
 
     def carry_out(self, out: Terminal, err: Terminal) -> None:
         """Write a person's model and say what it is."""
-        from icmj.base.files import replaceable, write_text
+        from icmj.base.files import expect_replaceable, write_text
         from icmj.engine.plant import shape_to_person
         from icmj.plant.person import Person
         from icmj.work.shipped import model_file
 
-        replaceable(self.out)
+        expect_replaceable(self.out)
         measures = Person(self.height, self.mass)
         write_text(self.out, shape_to_person(model_file(self.model), measures))
         G = ", ".join(f"{value:.4g}" for value in measures.toppling_stiffness())

@@ -35,9 +35,9 @@ class ReportCommand(Command):
 
     def carry_out(self, out: Terminal, err: Terminal) -> None:
         """Build the report page from logs."""
-        from icmj.base.files import replaceable
+        from icmj.base.files import expect_replaceable
         from icmj.cli.comparisons import plain_runs, show_page
-        from icmj.cycle.branch import branches_among
+        from icmj.cycle.branch import read_branches
         from icmj.log.selection import find_logs
         from icmj.study.page import report as build
         from icmj.work.workers import Workers, processors
@@ -46,14 +46,14 @@ class ReportCommand(Command):
         others = [path for path in self.logs if path not in swept]
         home = others[0] if len(others) == 1 and others[0].is_dir() else Path()
         page_file = home / "report.html" if self.out is None else self.out
-        replaceable(page_file)
+        expect_replaceable(page_file)
         with Working(label := "building the report", err) as working, Workers(processors()) as workers:
             sweeps = []
             if swept:
                 from icmj.study.sweep_folder import read_sweep
 
                 sweeps = [read_sweep(folder) for folder in swept]
-            branches, logs = branches_among(find_logs(others, RESULTS))
+            branches, logs = read_branches(find_logs(others, RESULTS))
             page = build(
                 logs, page_file, sweeps=sweeps, branches=branches, workers=workers,
                 progress=lambda done: working.tell(label, done),

@@ -48,8 +48,8 @@ class RunCommand(Overrides):
         """Simulate one case, write its log, and print the result beside the prediction if there is one."""
         from icmj.base.files import discard_if_failed
         from icmj.base.interruption import interrupt_once
-        from icmj.base.numbers import lapse, plain
-        from icmj.base.process import meanwhile
+        from icmj.base.numbers import format_duration, plain
+        from icmj.base.process import import_in_background
         from icmj.case.case import prepare
         from icmj.cli.comparisons import plain_runs
         from icmj.cli.spread import find_spread, say_spread
@@ -62,9 +62,9 @@ class RunCommand(Overrides):
             case = prepare(run_file)
             seconds = admit(case, plant, None if self.yes else LONGEST, study=self.study)
             if seconds > TOLD:
-                err.say(f"icmj: about {lapse(seconds)} of work")
+                err.say(f"icmj: about {format_duration(seconds)} of work")
             log = self.out / f"{name}.{plant}.rrd"
-            meanwhile("icmj.log.writer")
+            import_in_background("icmj.log.writer")
             with discard_if_failed(self.out), interrupt_once() as heard:
                 open_folder(self.out, log.name)
                 result = run_case(case, plant, lambda done: working.tell(name, done), study=self.study)
@@ -89,7 +89,7 @@ def _show_run(result: Result, log: Path, out: Terminal, changed: bool, spread: s
     from icmj.case.comparison import compare
     from icmj.case.result import has_prediction
     from icmj.cli.comparisons import show_comparisons
-    from icmj.simulation.simulation import relative_error
+    from icmj.simulation.simulation import get_relative_error
 
     if has_prediction(result):
         show_comparisons([compare(result)], out, changed=changed)
@@ -106,7 +106,7 @@ def _show_run(result: Result, log: Path, out: Terminal, changed: bool, spread: s
         out.say(f"{name}: {amount(value)}")
     for words in result.simulation.pressure.words if result.simulation.pressure else ():
         out.say(f"{words[0].upper()}{words[1:]}.")
-    if (error := relative_error(result.simulation)) > 0:
+    if (error := get_relative_error(result.simulation)) > 0:
         out.say(f"Relative error by the step: {error:.1g}.")
     out.say(f"log   {log}", wrap=False)
     out.say(f"show  icmj replay {log}", wrap=False)

@@ -30,14 +30,14 @@ class SchemaCommand(Command):
         """Print the JSON Schema of a kind of file, or write it."""
         import json
 
-        from icmj.base.files import replaceable, write_text
+        from icmj.base.files import expect_replaceable, write_text
         from icmj.study.file_kinds import json_schema
 
         record = json_schema(self.kind)
         if self.out is None:
             out.show(record)
             return
-        replaceable(self.out)
+        expect_replaceable(self.out)
         write_text(self.out, json.dumps(record, indent=2) + "\n")
         out.say(f"schema   {self.out}", wrap=False)
 

@@ -74,13 +74,13 @@ class SweepCommand(Command):
 
 
 def _show_cost(plan: Plan, out: Terminal) -> None:
-    from icmj.base.numbers import lapse
+    from icmj.base.numbers import format_duration
     from icmj.study.sweep_cost import estimate
 
     cost = estimate(plan)
     out.say(f"{cost.points} points in {cost.chunks} chunks of {plan.chunk}")
     out.say(
-        f"about {lapse(cost.seconds)} of one core ({1e3 * cost.seconds / cost.points:.3g} ms a point), "
+        f"about {format_duration(cost.seconds)} of one core ({1e3 * cost.seconds / cost.points:.3g} ms a point), "
         f"{cost.size / 1e6:.3g} MB"
     )
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import RELATIVE_ROUNDING, Array, NonNegative, Positive, Weight, balanced_modes, real
+from icmj.base.array import RELATIVE_ROUNDING, Array, NonNegative, Positive, Weight, compute_balanced_modes, real
 from icmj.controller.design import Design, output_weight
 from icmj.controller.trigger import EventRule, Faces, check_delta_min
 from icmj.errors import AnalysisError
@@ -44,7 +44,7 @@ class EventTrigger(EventRule):
             raise AnalysisError(f"Q_t must be a finite square matrix, got shape {Q.shape}")
         Q = (Q + Q.T) / 2
         # rounding of M'Q_tM is small beside Q_t, and less so beside an entry of its diagonal that nearly vanishes
-        if balanced_modes(Q)[1][0] < -RELATIVE_ROUNDING:
+        if compute_balanced_modes(Q)[1][0] < -RELATIVE_ROUNDING:
             raise AnalysisError("Q_t must be positive semidefinite; it has a negative eigenvalue")
         if not np.any(Q):
             raise AnalysisError("Q_t is zero: no hold error would ever be an event; weight at least one state")
@@ -63,7 +63,7 @@ class EventTrigger(EventRule):
     def faces(self, design: Design) -> Faces:
         if self.Q_t.shape != (design.plant.n, design.plant.n):
             raise AnalysisError(f"Q_t has shape {self.Q_t.shape}; the hold has {design.plant.n} states")
-        scales, values, vectors = balanced_modes(self.Q_t)
+        scales, values, vectors = compute_balanced_modes(self.Q_t)
         kept = values > _NO_WEIGHT * len(values) * values[-1]
         root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T * scales
         return Faces(root / self.q_t, np.array([0, len(root)]), self.q_t**2)

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from icmj.base.compilation import allocating, call, compiled, contents, entry, exact, inlined, merged, viewing
+from icmj.base.compilation import allocating, call, compiled, entry, exact, hash_contents, inlined, merged, viewing
 from icmj.base.compilation import c_entry as entry_cfunc
 from icmj.base.process import INTERPRETED, SWITCH
 from icmj.engine.faults import guard
@@ -54,7 +54,7 @@ def _load_engine() -> None:
 @cache
 def sources() -> int:
     """A number that changes with any source file of the engine, whose functions and constants compiled code holds."""
-    return contents(Path(__file__).parents[1], mujoco.__version__)
+    return hash_contents(Path(__file__).parents[1], mujoco.__version__)
 
 
 def engine_function(name: str, signature: str = MODEL_AND_DATA) -> Any:

@@ -17,7 +17,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.process import INTERPRETED
-from icmj.engine.block import Block, Slot, block_of, rows_need_forward, span
+from icmj.engine.block import Block, Slot, find_block, find_span, rows_need_forward
 from icmj.engine.buffers import Buffers
 from icmj.engine.native.field import drive, flow, forward
 from icmj.engine.native.memory import (
@@ -31,8 +31,8 @@ from icmj.engine.native.memory import (
     run_guarded,
     sources,
 )
-from icmj.engine.schedule import Schedule, row_after
-from icmj.engine.stages import Stages, has_rates, stages_of
+from icmj.engine.schedule import Schedule, find_next_row
+from icmj.engine.stages import Stages, choose_stages, has_rates
 from icmj.simulation.native.loop import EDGE, Status
 from icmj.simulation.native.taps import FALLS
 from icmj.simulation.native.taps import change as change_controller
@@ -258,7 +258,7 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, smooth: 
     motors = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT)[:-1]  # the last is the controller
     at = int(model.numeric_adr[-1])
     controller = model.numeric_data[at : at + int(model.numeric_size[-1])]
-    stages = stages_of(model) if smooth or integrator == RK4 else Stages.WHOLE
+    stages = choose_stages(model) if smooth or integrator == RK4 else Stages.WHOLE
     scalars, quaternions = _find_turns(model)
     size = model.nq + model.nv + model.na
     of = np.repeat(np.arange(model.nactuator), model.actuator_actnum)  # the actuator of each activation
@@ -353,7 +353,7 @@ def faces_of(block: Block, data: mujoco.MjData) -> FaceLevels:
         a_rate=data.act_dot[block.act],
         R=np.ascontiguousarray(block.R),
         cuts=block.edges,
-        spans=np.array([span(row[None, :]) for row in block.R], dtype=np.int64).reshape(-1, 2),
+        spans=np.array([find_span(row[None, :]) for row in block.R], dtype=np.int64).reshape(-1, 2),
         before=np.zeros((faces, 2)),
         left=np.zeros((faces, 2)),
         now=np.zeros((faces, 2)),
@@ -371,7 +371,7 @@ def progress_at(t: float, plan: RunPlan, progress: Any) -> None:
     values = dict.fromkeys(PROGRESS.names or (), 0) | {
         **dict.fromkeys(("grid", "begin", "end"), t),
         "stale": RESTARTED,
-        "next_row": row_after(t, plan.record_interval, plan.breaks),
+        "next_row": find_next_row(t, plan.record_interval, plan.breaks),
     }
     if INTERPRETED:
         revise(progress, **values)
@@ -397,7 +397,7 @@ _WHOLE = int(Stages.WHOLE)
 
 def neighbours_of(model: mujoco.MjModel, data: mujoco.MjData) -> Engine:
     """The data of :func:`rates_at` for a composed model and its data, which must outlive them."""
-    block = block_of(model)
+    block = find_block(model)
     assert block is not None
     return engine_of(model, data, block.header[Slot.PHASE : Slot.PHASE + 1], smooth=True)
 
@@ -454,7 +454,7 @@ def rates_at(engine: Engine, rows: Array, moves: Array, faulty: bool = False) ->
 # mypy: disable-error-code="call-arg, call-overload"
 
 
-_row_after = inlined(row_after)
+_row_after = inlined(find_next_row)
 _differentiate_pos = engine_function("mj_differentiatePos", "void(intp, intp, float64, intp, intp)")
 
 # constants that compiled code freezes

@@ -44,7 +44,7 @@ from icmj.engine.native.state import (
     note_rough,
     note_row,
 )
-from icmj.engine.schedule import EVENT_TOLERANCE, row_after
+from icmj.engine.schedule import EVENT_TOLERANCE, find_next_row
 from icmj.engine.stages import Stages
 from icmj.simulation.native.loop import (
     ARRIVED,
@@ -361,7 +361,7 @@ def search(engine, progress, faces, rate, length):  # type: ignore[no-untyped-de
 
 _RUNNING, _FELL = int(Status.RUNNING), int(Status.FELL)
 _NEAR = 1e-9  # of a step, within which a row is where the step ends
-_row_after = compiled(row_after)
+_row_after = compiled(find_next_row)
 
 
 @merged

@@ -41,7 +41,7 @@ from icmj.engine.native.state import (
     note_row,
 )
 from icmj.engine.native.steps import save, step
-from icmj.engine.schedule import row_after
+from icmj.engine.schedule import find_next_row
 from icmj.engine.stages import Stages
 from icmj.simulation.native.loop import ARRIVED, EDGE, SIGNAL, Status, is_due, run_loop
 from icmj.simulation.native.loop import sources as sources_of_loop
@@ -75,7 +75,7 @@ _WHOLE = int(Stages.WHOLE)
 _BETWEEN, _FLYING, _ENDING = 0, 1, 2  # stretches; within one; at its end
 _POINTS = 8  # that a value between samples is taken from
 SAMPLES = 8  # of a stretch at least, as many as that takes
-_row_after = compiled(row_after)
+_row_after = compiled(find_next_row)
 _normalise = engine_function("mj_normalizeQuat", "void(intp, intp)")
 _SHORT = 1e-6  # s; what stretches of that length do is straight
 

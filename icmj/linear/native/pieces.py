@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.compilation import compiled, contents, entry, inlined, merged
+from icmj.base.compilation import compiled, entry, hash_contents, inlined, merged
 from icmj.base.roots import DEEPEST, ONE_INSTANT
 from icmj.linear.native.motion import (
     EVENT,
@@ -371,7 +371,7 @@ def _run(flow):  # type: ignore[no-untyped-def]
 @cache
 def compile_pieces() -> Any:
     """The compiled ``simulate(tables, acting, run, most_events)``, which changes ``run`` and returns a Status."""
-    source = contents(Path(__file__).parent) + sources()
+    source = hash_contents(Path(__file__).parent) + sources()
 
     @entry
     def simulate(tables, acting, run, most_events):  # type: ignore[no-untyped-def]

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.compilation import compiled, contents, entry, exact, merged
+from icmj.base.compilation import compiled, entry, exact, hash_contents, merged
 from icmj.base.roots import ONE_INSTANT, evaluate, first_root, largest
 from icmj.simulation.native.loop import (
     ARRIVED,
@@ -396,7 +396,7 @@ def _run(flow):  # type: ignore[no-untyped-def]
 @cache
 def compile_stretches() -> Any:
     """The compiled ``march(taps, body, history, now, track)``, a while on; a :class:`Status`."""
-    source = contents(Path(__file__).parent) + sources()
+    source = hash_contents(Path(__file__).parent) + sources()
 
     @entry
     def march(taps, body, history, now, track):  # type: ignore[no-untyped-def]

@@ -14,7 +14,7 @@ from functools import cache
 from typing import Any
 
 from icmj.base.catalogue import Catalogue
-from icmj.base.text import did_you_mean, one_line
+from icmj.base.text import one_line, suggest
 from icmj.errors import DataError, RunFileError
 from icmj.measurement.measure import Measure, Number, Of, Option
 from icmj.work.own_code import Code
@@ -74,7 +74,7 @@ def find_measure(name: str, code: Code | None = None) -> Measure:
             raise RunFileError(f"{name}: expected a measure, which icmj.measurement.define_measure makes of a function")
         return found
     if name not in (known := MEASURES.names):
-        hint = did_you_mean(name, known) or f"; there are {', '.join(known)}"
+        hint = suggest(name, known) or f"; there are {', '.join(known)}"
         raise DataError(f"no measure {one_line(name, 80)!r}{hint}")
     measure: Measure = MEASURES[name].MEASURE
     return measure
@@ -100,6 +100,6 @@ def choose_measures(further: Iterable[Measure | str], options: Mapping[str, Any]
     for name in options:
         if not any(name in one.options for one in found):
             known = [each for one in found for each in one.options]
-            raise DataError(f"no measure has an option {name!r}{did_you_mean(name, known)}")
+            raise DataError(f"no measure has an option {name!r}{suggest(name, known)}")
     own = ({name: value for name, value in options.items() if name in one.options} for one in found)
     return tuple(one.with_options(**some) if some else one for one, some in zip(found, own, strict=True))

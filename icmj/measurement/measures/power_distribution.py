@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from icmj.base.array import RELATIVE_ROUNDING, Array, between
+from icmj.base.array import RELATIVE_ROUNDING, Array, is_between
 from icmj.errors import DataError
 from icmj.measurement.measure import Definition, Number, Signal, define_measure
 
@@ -43,7 +43,7 @@ def frequencies(frequency: Array, power: Array, band: tuple[float, float] = (0.0
     Raises:
         DataError: if fewer than two lines are in the band.
     """
-    if between(frequency, *band).sum() < 2:
+    if is_between(frequency, *band).sum() < 2:
         raise DataError(f"no two lines of the spectrum from {band[0]:g} to {band[1]:g} Hz; widen the band")
     low, high = (float(np.clip(edge, frequency[0], frequency[-1])) for edge in band)
     # between two lines the power is that of the straight line between them, also where the band begins or ends there
@@ -66,7 +66,7 @@ def _slope(f: Array, P: Array) -> float:
     beyond = np.maximum(SLOPE[0] - f, f - SLOPE[1]) / (f[1] - f[0])
     weight = np.clip(1 - beyond, 0, 1) * ((P > 0) & (f > 0))
     low = weight > RELATIVE_ROUNDING
-    if between(f[low], *SLOPE).sum() < FEWEST_LINES:
+    if is_between(f[low], *SLOPE).sum() < FEWEST_LINES:
         return np.nan
     return float(np.polynomial.polynomial.polyfit(np.log(f[low]), np.log(P[low]), 1, w=np.sqrt(weight[low]))[1])
 

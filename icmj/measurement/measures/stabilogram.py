@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from icmj.base.array import Array, between, steps_in
+from icmj.base.array import Array, count_steps, is_between
 from icmj.measurement.measure import Definition, Number, Signal, define_measure
 
 SHORT = (0.05, 0.5)
@@ -88,7 +88,7 @@ def diffusion(
         short, long: windows of the fits [s].
     """
     N = len(values)
-    most = min(steps_in(long[1] * rate), steps_in((N - 1) / FEWEST_LAGS))
+    most = min(count_steps(long[1] * rate), count_steps((N - 1) / FEWEST_LAGS))
     lags = np.arange(1, most + 1)
     displacement = np.zeros(most)
     for column in np.atleast_2d(values.T):
@@ -112,7 +112,7 @@ def _mean_squares(values: Array, most: int) -> Array:
 
 
 def _regime(lag: Array, displacement: Array, window: tuple[float, float]) -> Regime | None:
-    inside, reaches = between(lag, *window), between(lag[-1:], window[1]).any()
+    inside, reaches = is_between(lag, *window), is_between(lag[-1:], window[1]).any()
     if inside.sum() < 3 or not (displacement[inside] > 0).all() or not reaches:
         return None
     t, square = lag[inside], displacement[inside]

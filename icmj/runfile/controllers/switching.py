@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from icmj.base.array import MOST_ENTRIES, Finite, Numbers
 from icmj.controller.channels import Channel, SwitchingChannels
 from icmj.controller.law import Law
-from icmj.controller.switching import SwitchingPD, slope_of
+from icmj.controller.switching import SwitchingPD, compute_slope
 from icmj.runfile.control_tables import ControllerTable, Parts
 from icmj.runfile.table import TomlTable, keys_of, make
 
@@ -29,7 +29,7 @@ class SwitchedTable(TomlTable):
         """What ``share`` says instead of ``slope``, where it is given: the line, or that there is none."""
         if self.share is None:
             return {}
-        return {"slope": 0.0, "switches": False} if self.share == 1 else {"slope": slope_of(self.share)}
+        return {"slope": 0.0, "switches": False} if self.share == 1 else {"slope": compute_slope(self.share)}
 
     @model_validator(mode="after")
     def _says_it_once(self) -> SwitchedTable:

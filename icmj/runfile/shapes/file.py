@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from icmj.base.array import Array, Finite, NonNegative, Positive, instants, steps_in
+from icmj.base.array import Array, Finite, NonNegative, Positive, count_steps, list_multiples
 from icmj.controller.setpoint import Target, polygon
 from icmj.errors import AnalysisError, DataError, RunFileError
 from icmj.runfile.place import PlaceTable
@@ -61,7 +61,7 @@ class FileTable(ColumnTable, PlaceTable):
                 f"disturbance: {self.file} makes {count:.3g} values {self.interval:g} s apart; expected at most "
                 f"{MOST_VALUES}; set its interval"
             )
-        at = self.interval * np.arange(1 - steps_in(-count))
+        at = self.interval * np.arange(1 - count_steps(-count))
         taken = self.size * np.interp(at, times + self.start, values)
         kept = self.model_dump(exclude={"kind", "file", "column", "size"}, exclude_unset=True, mode="json")
         return {**kept, "kind": "sampled", "values": taken.tolist(), "made_by": f"{self.file}: {self.column}"}
@@ -105,7 +105,7 @@ class FileSetpoint(ColumnTable, TargetTable):
                     f"setpoint: interval {self.interval:g} s makes {count:.3g} pieces of {path}; expected at most "
                     f"{MOST_INTERVALS}"
                 )
-            at = np.append(instants(self.interval, float(t[-1])), t[-1:])
+            at = np.append(list_multiples(self.interval, float(t[-1])), t[-1:])
             at = at[np.diff(at, prepend=-1.0) > 1e-9]
             t, values = at, np.interp(at, t, values)
         return t + self.start, values, unit

@@ -14,7 +14,7 @@ from icmj.runfile.place import PlaceTable
 from icmj.runfile.table import TomlTable, keys_of
 from icmj.runfile.target import MOST_INTERVALS, TargetTable
 from icmj.simulation.sources import Sinusoids, Source
-from icmj.simulation.ternary import ternary_lines
+from icmj.simulation.ternary import make_ternary_lines
 
 
 class SequenceTable(TomlTable):
@@ -39,7 +39,7 @@ class TernaryTable(SequenceTable, PlaceTable):
 
     def source(self) -> Source:
         highest = 0.5 / self.interval if self.bandwidth is None else self.bandwidth
-        terms = ternary_lines(self.size, self.interval, highest)
+        terms = make_ternary_lines(self.size, self.interval, highest)
         if not len(terms) and abs(self.size) < np.finfo(float).tiny:
             raise SimulationError(f"ternary: nothing is left of a size of {self.size:g}; leave the disturbance out")
         if not len(terms):

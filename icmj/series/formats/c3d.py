@@ -27,7 +27,7 @@ from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.c3d_reader import LEAST_LOAD, REFUSED
 from icmj.series.columns import MOST_NUMBERS
-from icmj.series.series import Series, place, see_names_differ
+from icmj.series.series import Series, expect_names_differ, place
 
 SUFFIXES = (".c3d",)
 
@@ -65,7 +65,7 @@ class Group:
     odd: str = ""
 
 
-def groups_of(path: Path, longest: float = LONGEST_READ) -> tuple[Group, ...]:
+def read_groups(path: Path, longest: float = LONGEST_READ) -> tuple[Group, ...]:
     """The groups of a C3D file that have signals: centres of pressure and forces of plates, points, analog channels.
 
     Raises:
@@ -162,8 +162,8 @@ def group_for(groups: Sequence[Group], columns: Sequence[str]) -> Group:
 
 
 def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
-    group = group_for(groups_of(path), columns)
-    see_names_differ(group.names)
+    group = group_for(read_groups(path), columns)
+    expect_names_differ(group.names)
     if group.values.size > MOST_NUMBERS:
         raise DataError(f"{group.values.size} numbers; expected at most {MOST_NUMBERS / 1e6:g} million")
     t = group.start + np.arange(len(group.values)) / group.rate

@@ -19,9 +19,9 @@ from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.columns import choose_columns, name_and_unit
-from icmj.series.csv_table import HEAD, LONGEST_LINE, TableForm, find_form, missing_words
+from icmj.series.csv_table import HEAD, LONGEST_LINE, TableForm, find_form, list_missing_words
 from icmj.series.series import Series
-from icmj.series.units import canonical
+from icmj.series.units import canonicalise
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -74,7 +74,7 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
 def _one_unit(header: str, below: str, behind: str) -> str:
     """The unit of a column beside that in brackets in its name: of a row of units, or behind its numbers."""
     said = below or name_and_unit(header)[1]
-    if behind and said and canonical(behind) != canonical(said):
+    if behind and said and canonicalise(behind) != canonicalise(said):
         raise DataError(f"{header}: {said} in its name or below it, and {behind} behind its numbers; correct one")
     return below or behind
 
@@ -112,7 +112,7 @@ def _numbers(text: bytes, form: TableForm, chosen: Sequence[int]) -> Array:
             pc.ConvertOptions(
                 column_types=types,
                 include_columns=list(types),
-                null_values=missing_words(),
+                null_values=list_missing_words(),
                 strings_can_be_null=True,
                 decimal_point=form.decimal,
             ),

@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from icmj.base.npz import each_npz, npz_headers, read_npz
+from icmj.base.npz import iterate_npz, read_npz, read_npz_headers
 from icmj.errors import DataError
 from icmj.series.columns import MOST_NUMBERS, choose_columns
 from icmj.series.series import Series
@@ -20,7 +20,7 @@ _MOST_WORDS = 10_000_000  # bytes of names and units
 
 def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
     try:
-        headers = npz_headers(path)
+        headers = read_npz_headers(path)
         told = read_npz(path, _MOST_WORDS, ("names", "units")) if "names" in headers else {}
         if any(texts.dtype.kind not in "US" for texts in told.values()):
             raise DataError("names and units are not arrays of text")
@@ -39,7 +39,7 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
         choice = choose_columns(vectors, [known.get(name, "") for name in vectors], columns, rate, left)
         data = choice.room(lengths.pop())
         chosen = [vectors[i] for i in choice.at]
-        for name, values in each_npz(path, 8 * MOST_NUMBERS * 2, chosen):
+        for name, values in iterate_npz(path, 8 * MOST_NUMBERS * 2, chosen):
             data[:, [i for i, other in enumerate(chosen) if other == name]] = values.reshape(-1, 1)
     except DataError:
         raise

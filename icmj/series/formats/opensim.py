@@ -58,7 +58,7 @@ class Header:
         return f"{known}/s" if speed and known else known
 
 
-def header_of(lines: Iterable[bytes]) -> Header:
+def read_header(lines: Iterable[bytes]) -> Header:
     """Read the header, up to the line ``endheader``.
 
     Raises:
@@ -93,7 +93,7 @@ def header_of(lines: Iterable[bytes]) -> Header:
 
 
 def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
-    header = header_of(islice(iter(lambda: file.readline(LONGEST_LINE + 1), b""), LINES + 1))
+    header = read_header(islice(iter(lambda: file.readline(LONGEST_LINE + 1), b""), LINES + 1))
     file.seek(0)
     series: Series = FORMATS[FORMATS.names[0]].read(path, file, columns, rate)
     if header.rows is not None and header.rows != len(series):

@@ -60,7 +60,7 @@ from pathlib import Path
 
 import numpy as np
 
-from icmj.base.compilation import contents, inlined, merged
+from icmj.base.compilation import hash_contents, inlined, merged
 from icmj.base.roots import ONE_INSTANT, one
 
 
@@ -183,4 +183,4 @@ def plan_after(plan, now, t):  # type: ignore[no-untyped-def]
 @cache
 def sources() -> int:
     """A number that changes with the loop and what stands beside it."""
-    return contents(Path(__file__).parent)
+    return hash_contents(Path(__file__).parent)

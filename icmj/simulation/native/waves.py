@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.compilation import call, compiled, contents, entry
+from icmj.base.compilation import call, compiled, entry, hash_contents
 
 
 class Waves(NamedTuple):
@@ -73,7 +73,7 @@ def turn(turns: Array, real: Array, imaginary: Array, out: Array) -> None:
 
 @cache
 def _turn() -> Any:
-    source = contents(Path(__file__).parent)
+    source = hash_contents(Path(__file__).parent)
 
     @entry
     def turn(turns, real, imaginary, out):  # type: ignore[no-untyped-def]

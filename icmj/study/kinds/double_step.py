@@ -24,7 +24,7 @@ from icmj.report.experiment import Row
 from icmj.report.findings import LINE, ShownResult, assign_colours, draw_reconstruction, under_legend
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import LISTED, Line, keys_of
-from icmj.series.even_rows import row_step
+from icmj.series.even_rows import measure_row_step
 from icmj.series.series import EVEN, Series
 from icmj.simulation.simulation import Simulation
 from icmj.study.kind import HALF, CaseResult, Kind, Names, Rate, Word, sample_rows, say_first, set_duration
@@ -210,7 +210,7 @@ class DoubleStepTable(Kind):
         for name, unit in zip(pair.names, pair.units, strict=True):
             if not unit:
                 raise DataError(f"{name}: has no unit; give one, as in '{name} [rad]'")
-        rate, step = self.stated("rate"), row_step(pair.t) if len(pair) > 1 else np.nan
+        rate, step = self.stated("rate"), measure_row_step(pair.t) if len(pair) > 1 else np.nan
         if rate is not None and abs(rate * step - 1) > EVEN:
             raise DataError(
                 f"{1 / step:.6g} rows a second, and rate = {rate:g} in the file; a control that jumps cannot be "

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import model_validator
 
-from icmj.base.array import Array, NonNegative, Positive, between
+from icmj.base.array import Array, NonNegative, Positive, is_between
 from icmj.case.case import Case, PlantKind
 from icmj.controller.controller import has_trigger
 from icmj.engine.plant import MujocoPlant
@@ -29,7 +29,7 @@ from icmj.report.experiment import Row
 from icmj.report.findings import LINE, ShownResult, assign_colours, under_legend
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import LISTED
-from icmj.series.even_rows import even_series
+from icmj.series.even_rows import resample_series
 from icmj.series.series import Series
 from icmj.simulation.disturbance import LOW_PASS_END
 from icmj.simulation.simulation import Simulation
@@ -77,7 +77,7 @@ class FoundPoint:
 
     def _numbers(self, point: IntersectionPoint) -> dict[str, float]:
         f, (by, unit) = point.frequency, self.unit
-        shown = [at for at in SHOWN if between(at, f[0], f[-1])]
+        shown = [at for at in SHOWN if is_between(at, f[0], f[-1])]
         found = {f"z at {at:g} Hz ({unit})": float(np.interp(at, f, point.z / by)) for at in shown}
         if point.height is not None:
             found["crosses the centre of mass at (Hz)"] = point.crossing()
@@ -185,7 +185,7 @@ class IntersectionPointTable(Kind):
         found = cut_recording(series.chosen(wanted), settle, duration, "settle and duration")
         if angle is None:
             found, angle = force_angle(found, *force), "force_angle"
-        return even_series(replace(found.chosen([angle, cop]), names=("force_angle", f"cop.{axis}")), rate)
+        return resample_series(replace(found.chosen([angle, cop]), names=("force_angle", f"cop.{axis}")), rate)
 
     def analyse(
         self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
@@ -271,10 +271,10 @@ def _density(source: Source, frequency: Array) -> Array:
         # a sum of sinusoids ends somewhere
         end = LOW_PASS_END if isinstance(source, Noise) else np.inf
         whole = source.corner * np.arctan(end) * (1 + (frequency / source.corner) ** 2)
-        return np.asarray(source.size / np.sqrt(whole) * between(frequency, 0.0, end * source.corner))
+        return np.asarray(source.size / np.sqrt(whole) * is_between(frequency, 0.0, end * source.corner))
     if isinstance(source, Noise):
         assert source.bandwidth is not None
-        return np.asarray(source.size / np.sqrt(source.bandwidth) * between(frequency, 0.0, source.bandwidth))
+        return np.asarray(source.size / np.sqrt(source.bandwidth) * is_between(frequency, 0.0, source.bandwidth))
     return (
         np.full(len(frequency), source.size * np.sqrt(2 * source.interval)) * np.sinc(frequency * source.interval) ** 2
     )

@@ -19,9 +19,9 @@ from icmj.experiments.stance_channels import CHANNEL_NUMBERS, StanceChannels, fi
 from icmj.report.experiment import Row
 from icmj.runfile.schema import RunFile
 from icmj.series.series import Series
-from icmj.series.units import in_si
+from icmj.series.units import convert_to_si
 from icmj.simulation.simulation import Simulation
-from icmj.simulation.ternary import ternary_lines
+from icmj.simulation.ternary import make_ternary_lines
 from icmj.study.kind import HALF, CaseResult, Kind, Names, Rate, Word, sample_rows, say_first, set_duration
 from icmj.study.periodic_response import PeriodicResponse, analyse_trials, draw_response, take_periods, whole_periods
 
@@ -199,7 +199,7 @@ class PerturbedStanceTable(Kind):
 
     def read(self, series: Series) -> Series:
         # channels are fitted to a body's angle under a tilt: volts or millimetres would have no stiffness in N m/rad
-        pair = in_si(series.chosen([self.stimulus, self.response]), "angle", "angle")
+        pair = convert_to_si(series.chosen([self.stimulus, self.response]), "angle", "angle")
         return take_periods(self, self.period, replace(pair, names=(TILT, BODY)))
 
     def analyse(
@@ -220,7 +220,7 @@ class PerturbedStanceTable(Kind):
         return draw_response(found, next(units, ("", "")))
 
     def _lines(self) -> Array:
-        return ternary_lines(self.size, self.interval, self.highest)
+        return make_ternary_lines(self.size, self.interval, self.highest)
 
     def _tilt(self, t: Array) -> Array:
         a, omega, phi = self._lines().T

@@ -20,7 +20,7 @@ from icmj.report import style
 from icmj.report.experiment import Norms, Row
 from icmj.report.findings import LINE, ShownResult, assign_colours, under_legend
 from icmj.runfile.schema import RunFile
-from icmj.series.even_rows import even_series
+from icmj.series.even_rows import resample_series
 from icmj.series.series import Series
 from icmj.simulation.simulation import Simulation
 from icmj.study.kind import CaseResult, Kind, Names, Rate, Word, cut_recording, sample_rows, set_duration
@@ -99,7 +99,7 @@ class QuietStandingTable(Kind):
     def read(self, series: Series) -> Series:
         series = series.chosen(self.columns) if self.columns else series
         settle, duration, rate = map(self.stated, ("settle", "duration", "rate"))
-        return even_series(cut_recording(series, settle, duration, "settle and duration"), rate)
+        return resample_series(cut_recording(series, settle, duration, "settle and duration"), rate)
 
     def analyse(
         self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
