@@ -63,11 +63,11 @@ class Working:
 
     def _show(self) -> None:
         if self._console.is_terminal:
-            self._bar()
+            self._show_bar()
         else:
-            self._lines()
+            self._say_lines()
 
-    def _bar(self) -> None:
+    def _show_bar(self) -> None:
         if self._ended.wait(self._find_silence()):
             return
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -82,9 +82,9 @@ class Working:
                 done, parts = self._remaining.done, [self._label, _say_compilation()]
                 total = 1.0 if done > 0 else None
                 words = ", ".join(part for part in parts if part)
-                bar.update(task, description=words, completed=done, total=total, left=self._remaining.words())
+                bar.update(task, description=words, completed=done, total=total, left=self._remaining.say())
 
-    def _lines(self) -> None:
+    def _say_lines(self) -> None:
         while not self._ended.wait(self._find_silence()):
             done = self._remaining.done
             now = self._console.progressed = time.monotonic()
@@ -93,7 +93,7 @@ class Working:
                 f"{100 * done:.0f} %" if done > 0 else "",
                 _say_compilation(),
                 f"after {now - self._console.began:.0f} s",
-                self._remaining.words(),
+                self._remaining.say(),
             ]
             self._console.say(f"icmj: {', '.join(part for part in parts if part)}", wrap=False)
 
@@ -107,32 +107,32 @@ class Remaining:
     def __init__(self) -> None:
         self.done = 0.0
         self._first: float | None = None
-        self._begin = self._at = self._clock()
+        self._begin = self._at = self._read_clock()
 
     @staticmethod
-    def _clock() -> float:
+    def _read_clock() -> float:
         return time.monotonic() - compile_clock.read_compile_time()
 
     def note(self, done: float) -> None:
         """The completed fraction, now."""
-        now = self._clock()
+        now = self._read_clock()
         if self._first is None or done < self.done:
             self._begin, self._first = now, done
         if done != self.done:
             self._at = now
         self.done = done
 
-    def seconds(self) -> float | None:
+    def estimate(self) -> float | None:
         """An estimate; ``None`` where there is none, or it has passed already."""
         gained, worked = self.done - (self._first or 0.0), self._at - self._begin
         if gained <= 0 or worked < (ENOUGH if gained >= PART else LONG):
             return None
-        left = worked * (1 - self.done) / gained - (self._clock() - self._at)
+        left = worked * (1 - self.done) / gained - (self._read_clock() - self._at)
         return left + _estimate_compilation() if left > 0 else None
 
-    def words(self) -> str:
+    def say(self) -> str:
         """The estimate; empty where there is none."""
-        seconds = self.seconds()
+        seconds = self.estimate()
         return f"about {_round_time(seconds)} left" if seconds is not None and seconds >= 1 else ""
 
 

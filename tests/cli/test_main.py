@@ -39,7 +39,7 @@ def assert_loads_none_of(heavy: str, *words: str) -> None:
 
 
 def test_help_imports_nothing_heavy():
-    assert_loads_none_of("numpy scipy mujoco rerun numba matplotlib control pydantic", "--help")
+    assert_loads_none_of("numpy scipy mujoco rerun numba matplotlib control pydantic rich", "--help")
 
 
 @pytest.mark.parametrize(

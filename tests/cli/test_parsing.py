@@ -5,8 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from icmj.cli.arguments import Command
 from icmj.cli.commands import COMMANDS
 from icmj.cli.main import main
+from icmj.cli.overrides import Overrides
 from icmj.cli.parsing import parse
 from icmj.errors import IcmjError
 
@@ -71,6 +73,14 @@ def test_the_overview_names_every_command_once_in_a_group(shell):
     for name in COMMANDS.names:
         assert shown.count(f"\n  {name} ") == 1
     assert max(map(len, shown.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("name", COMMANDS.names)
+def test_a_command_is_a_class_of_its_file_and_inherits_from_the_frame_alone(name):
+    command = COMMANDS[name].COMMAND
+    assert command.__module__ == COMMANDS[name].__name__
+    assert {"group", "carry_out"} <= vars(command).keys()
+    assert command.__bases__[0] in (Command, Overrides)
 
 
 @pytest.mark.parametrize("name", COMMANDS.names)

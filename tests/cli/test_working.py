@@ -47,25 +47,25 @@ def test_what_remains_is_in_proportion_to_the_work(clock: Clock) -> None:
     remaining = progress.Remaining()
     clock.now += 3  # libraries are imported
     remaining.note(0.2)  # of it most was there from before
-    assert remaining.words() == ""
+    assert remaining.say() == ""
     for done in (0.25, 0.3, 0.35):
         clock.now += 4
         remaining.note(done)
     # 0.15 in 12 s
-    assert remaining.seconds() == pytest.approx(52)
+    assert remaining.estimate() == pytest.approx(52)
     clock.now += 5
-    assert remaining.seconds() == pytest.approx(47)
-    assert remaining.words() == "about 45 s left"
+    assert remaining.estimate() == pytest.approx(47)
+    assert remaining.say() == "about 45 s left"
     clock.now += 60  # it took longer: nothing is known
-    assert remaining.words() == ""
+    assert remaining.say() == ""
     remaining.note(0.4)
-    assert remaining.seconds() == pytest.approx(0.6 * 77 / 0.2)
-    assert remaining.words() == "about 3.8 min left"
+    assert remaining.estimate() == pytest.approx(0.6 * 77 / 0.2)
+    assert remaining.say() == "about 3.8 min left"
     remaining.note(0.1)  # other work
-    assert remaining.words() == ""
+    assert remaining.say() == ""
     clock.now += 3
     remaining.note(0.7)
-    assert remaining.words() == "about 2 s left"
+    assert remaining.say() == "about 2 s left"
 
 
 def test_a_few_seconds_and_a_small_part_tell_nothing(clock: Clock) -> None:
@@ -73,11 +73,11 @@ def test_a_few_seconds_and_a_small_part_tell_nothing(clock: Clock) -> None:
     remaining.note(0.0)
     clock.now += 5
     remaining.note(0.02)
-    assert remaining.seconds() is None
+    assert remaining.estimate() is None
     clock.now += 30
     remaining.note(0.025)  # but half a minute does
-    assert remaining.seconds() == pytest.approx(35 * 0.975 / 0.025)
-    assert remaining.words() == "about 23 min left"
+    assert remaining.estimate() == pytest.approx(35 * 0.975 / 0.025)
+    assert remaining.say() == "about 23 min left"
 
 
 def test_compiling_is_no_work(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -88,7 +88,7 @@ def test_compiling_is_no_work(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> 
     remaining.note(0.1)
     compile_clock.begin_compiling()
     clock.now += 7
-    assert remaining.seconds() == pytest.approx(36 + 3)
+    assert remaining.estimate() == pytest.approx(36 + 3)
     assert progress._say_compilation() == "compiling (first run only, about 3 s)"
     clock.now += 20
     assert progress._say_compilation() == "compiling (first run only)"
@@ -96,7 +96,7 @@ def test_compiling_is_no_work(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> 
     assert progress._say_compilation() == ""
     clock.now += 4
     remaining.note(0.2)
-    assert remaining.seconds() == pytest.approx(32)
+    assert remaining.estimate() == pytest.approx(32)
 
 
 class Screen(Terminal):
@@ -110,7 +110,7 @@ class Screen(Terminal):
 def test_a_terminal_has_one_line_that_changes_in_place(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress, "FIRST", 0.0)
     screen = Screen(width)
-    monkeypatch.setattr(progress.Remaining, "words", lambda self: "about 3.8 min left")
+    monkeypatch.setattr(progress.Remaining, "say", lambda self: "about 3.8 min left")
     with progress.Working("three-link-0.9-delay (mujoco)", screen) as shown:
         deadline = time.monotonic() + PATIENCE
         for part in range(4):
