@@ -112,7 +112,13 @@ def sweep(name: str, panel: str, *columns: str, size: tuple[float, float] = (7.0
             figure.savefig(to, dpi=160, metadata={"Software": None})
             plt.close(figure)
 
-    return Picture(draw, (f"sweeps/{name}.toml", "icmj/report/maps.py", "icmj/report/style.py"))
+    return Picture(
+        draw,
+        (
+            f"sweeps/{name}.toml",
+            *(f"icmj/report/{part}.py" for part in ("maps", "map_grid", "interval_curve", "style")),
+        ),
+    )
 
 
 def follow(run: str, parameter: str, to: float, **options: object) -> icmj.cycle.Branch:
@@ -343,6 +349,7 @@ def _concept(shades: concept.Shades, narrow: bool) -> Picture:
     )
 
 
+_PANELS = ("panels", "panel", "loci", "output_panel", "interval_panel", "phase_panel", "mode_panel", "style")
 PICTURES: dict[str, Picture] = {
     "concept-light.svg": _concept(concept.LIGHT, False),
     "concept-dark.svg": _concept(concept.DARK, False),
@@ -352,7 +359,7 @@ PICTURES: dict[str, Picture] = {
     "moving-still.png": _moving(still=True),
     "cycle.png": Picture(
         draw_cycle,
-        ("runs/three-link-0.9.toml", "models/three_link.xml", "icmj/report/panels.py", "icmj/report/style.py"),
+        ("runs/three-link-0.9.toml", "models/three_link.xml", "icmj/report/phase_panel.py", "icmj/report/style.py"),
     ),
     "muscles.png": Picture(
         draw_muscles,
@@ -360,7 +367,7 @@ PICTURES: dict[str, Picture] = {
     ),
     "panels.png": Picture(
         draw_panels,
-        ("runs/three-link-0.9.toml", "models/three_link.xml", "icmj/report/panels.py", "icmj/report/style.py"),
+        ("runs/three-link-0.9.toml", "models/three_link.xml", *(f"icmj/report/{part}.py" for part in _PANELS)),
     ),
     "report.png": Picture(
         draw_report,

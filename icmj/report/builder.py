@@ -269,7 +269,7 @@ def _pictures(
 
 def _maps(sweeps: Sequence[SweepTable], folder: Path) -> dict[str, list[tuple[Picture, str]]]:
     """Pictures and captions of every sweep."""
-    from icmj.report.maps import pictures
+    from icmj.report.sweep_pictures import pictures
 
     found = {}
     with style.apply():

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 from icmj.report.case_runs import CaseRuns
 
+SHOWN = 8  # intervals at the end of a run
+LEAST = 1e-16  # relative error that is drawn of what agrees to the last digit
+
 
 @dataclass(frozen=True)
 class Panel:

@@ -32,22 +32,15 @@ from icmj.measurement.sway import Sway
 from icmj.report import law_figure, loci, noise_figures
 from icmj.report.case_runs import CaseRuns, pair
 from icmj.report.findings import draw_reactions, draw_reconstruction
-from icmj.report.maps import draw_basins, draw_curve, draw_validity
-from icmj.report.panels import (
-    acting_inputs,
-    draw_acting,
-    draw_critical,
-    draw_hold_error,
-    draw_interval_errors,
-    draw_intervals,
-    draw_mode_errors,
-    draw_norm,
-    draw_others,
-    draw_output,
-    draw_phase,
-    draw_pressure,
-    pressed_axes,
-)
+from icmj.report.hold_error_panel import draw_hold_error
+from icmj.report.input_panel import acting_inputs, draw_acting
+from icmj.report.interval_curve import draw_curve
+from icmj.report.interval_panel import draw_interval_errors, draw_intervals
+from icmj.report.maps import draw_basins, draw_validity
+from icmj.report.mode_panel import draw_critical, draw_mode_errors, draw_norm, draw_others
+from icmj.report.output_panel import draw_output
+from icmj.report.phase_panel import draw_phase
+from icmj.report.pressure_panel import draw_pressure, pressed_axes
 from icmj.report.style import Journal, journal
 from icmj.report.sway_figures import draw_diffusion, draw_path, draw_spectra
 

@@ -8,9 +8,9 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from icmj.report import loci, panels, style
+from icmj.report import interval_panel, loci, mode_panel, output_panel, style
 from icmj.report.case_runs import CaseRuns
-from icmj.report.panels import draw_phase
+from icmj.report.phase_panel import draw_phase
 from icmj.report.style import Journal
 
 MOST = 4  # outputs in panel (c)
@@ -43,7 +43,7 @@ def draw_sheet(case: CaseRuns, settings: Journal, letters: bool) -> Sheet:
         lambda place: _locus(place, case),
         lambda place: _outputs(place, case, outputs),
         lambda place: _single(place, case, draw_phase),
-        lambda place: _single(place, case, panels.draw_intervals),
+        lambda place: _single(place, case, interval_panel.draw_intervals),
         lambda place: _modes(place, case),
     )
     rows = (1.0, 1.0 + 0.15 * (outputs - 1), 1.0)
@@ -73,17 +73,17 @@ def _locus(place: SubFigure, case: CaseRuns) -> list[Axes]:
 def _outputs(place: SubFigure, case: CaseRuns, count: int) -> list[Axes]:
     stack = list(place.subplots(count, sharex=True, squeeze=False)[:, 0])
     for i, axes in enumerate(stack):
-        panels.draw_output(axes, case, i)
+        output_panel.draw_output(axes, case, i)
         axes.set_xlabel("$t$ (s)" if axes is stack[-1] else "")
     return stack
 
 
 def _modes(place: SubFigure, case: CaseRuns) -> list[Axes]:
     if case.prediction.V_inv is None:
-        return _single(place, case, panels.draw_norm)
+        return _single(place, case, mode_panel.draw_norm)
     critical, others = place.subplots(2, sharex=True)
-    panels.draw_critical(critical, case)
-    panels.draw_others(others, case)
+    mode_panel.draw_critical(critical, case)
+    mode_panel.draw_others(others, case)
     critical.set_xlabel("")
     return [critical, others]
 

@@ -10,7 +10,9 @@ from matplotlib.figure import Figure
 from icmj import build_report, plots
 from icmj.case.sweep_table import SweepTable
 from icmj.errors import ReportError
-from icmj.report.maps import edges, grid, motions, pictures, regions
+from icmj.report.map_grid import edges, grid
+from icmj.report.maps import motions, regions
+from icmj.report.sweep_pictures import pictures
 
 B, Q = np.linspace(0.8, 1.2, 9), np.geomspace(1e-3, 1e-1, 21)
 

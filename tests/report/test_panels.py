@@ -16,7 +16,7 @@ from icmj.linear.run import simulate
 from icmj.report import panels, style
 from icmj.report.case_runs import CaseRuns, pair
 from icmj.report.loci import shown_locus
-from icmj.report.panels import Panel
+from icmj.report.panel import SHOWN, Panel
 from icmj.simulation.pressure import Pressure
 
 DEG = np.rad2deg(1)
@@ -159,8 +159,8 @@ def test_a_run_under_noise_has_its_hold_error_beside_the_predicted_orbit_with_it
     (axes,) = figure.axes
     assert {text.get_text() for text in figure.legends[0].get_texts()} == {"± 2 SD", "predicted", "linear", "threshold"}
     drawn = [line.get_xydata() for line in axes.lines if line.get_color() == style.RUN["linear"]["color"]]
-    assert len(drawn) == panels.SHOWN
-    last = simulation.events.interval[-panels.SHOWN :]
+    assert len(drawn) == SHOWN
+    last = simulation.events.interval[-SHOWN:]
     for line_of_run, interval in zip(drawn, last, strict=True):
         np.testing.assert_allclose(line_of_run[[0, -1]], [[0, 0], [interval, 1]], atol=1e-9)
     predicted = line(axes, "predicted")

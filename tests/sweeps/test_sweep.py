@@ -18,7 +18,7 @@ from sweep_cases import GRID, THRESHOLDS, computed, contents, sweep_file
 import icmj
 from icmj.case.sweep_table import SweepTable
 from icmj.errors import SweepError
-from icmj.report.maps import label
+from icmj.report.map_grid import label
 from icmj.runfile.sweep_tables import load_sweep
 from icmj.study.chunk import ChunkResult, compute
 from icmj.study.plan import Plan

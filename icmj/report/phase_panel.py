@@ -1,0 +1,112 @@
+"""Panel (d): velocity against position for the latter part of the run, over the predicted orbit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.base.array import is_between
+from icmj.case.laid_orbit import beside, lay_orbit
+from icmj.case.motion import curve, event_rows, latter_part, output_rate
+from icmj.case.quantity import Quantity, quantities
+from icmj.report import style
+from icmj.report.case_runs import CaseRuns, compares
+from icmj.report.panel import SHOWN, Panel
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from icmj.case.result import PredictedResult
+
+
+def _draw_phase_panel(case: CaseRuns) -> Figure:
+    count = case.last.actual.n_y
+    if case.last.simulation.noisy and count > 1:  # on each other they would be a tangle
+        figure, stack = style.new_figure(style.TALL, count)
+        for output, axes in enumerate(stack):
+            draw_phase(axes, case, [output])
+            axes.set_xlabel(axes.get_xlabel() if axes is stack[-1] else "")
+            axes.set_ylabel(
+                quantities(case.last.actual)[output].label(style.words(case.last.actual.outputs[output]), "/s")
+            )
+        figure.align_ylabels(stack)
+        style.link("plane", *stack)
+        style.legend(figure, stack[0])
+        return figure
+    figure, (axes,) = style.new_figure(style.TALL if count > 1 else style.HEIGHT)
+    draw_phase(axes, case)
+    style.link("plane", axes)
+    style.legend(figure, axes)
+    return figure
+
+
+def draw_phase(axes: Axes, case: CaseRuns, chosen: Sequence[int] = ()) -> None:
+    """(d) Velocity against position of every output, or of those chosen, with the states at events marked."""
+    outputs = case.last.actual.outputs
+    chosen = chosen or range(len(outputs))
+    prediction, laid = case.prediction, lay_orbit(case.last) if compares(case) else None
+    units = quantities(case.last.actual)
+    drawn = {plant: curve(result, *latter_part(result.simulation, SHOWN)) for plant, result in case.runs.items()}
+    for i in chosen:
+        name, shown, first = outputs[i], units[i], i == chosen[0]
+        if laid is not None:
+            y, v = (laid.whole(signal)[:, i] * shown.factor for signal in (laid.orbit.y, laid.rate))
+            verdict = beside(prediction, case.last.measurement).verdict
+            label = {"attracting": "predicted", "family": "predicted, of a family", "repelling": "repelling orbit"}.get(
+                verdict, "not admissible"
+            )
+            axes.plot(y, v, label=label if first else None, **style.PREDICTED)
+        for plant, result in case.runs.items():
+            y, v = (signal[:, i] * shown.factor for signal in drawn[plant])
+            axes.plot(y, v, label=style.NAME[plant] if first else None, **style.RUN[plant])
+            if result is case.last and len(chosen) > 1 and len(y):
+                _label(axes, style.words(name), float(y[np.nanargmax(v)]), float(np.nanmax(v)))
+        _mark_events(axes, case.last, i, shown, first)
+    axes.set(xlabel=_label_of("position $x_2$", units), ylabel=_label_of("velocity $x_1$", units, "/s"))
+    if len(outputs) > 1:
+        angles = units[0].unit == "deg" and len(set(units)) == 1
+        words = ("segment angle", "segment velocity") if angles else ("output", "rate of the output")
+        axes.set(xlabel=_label_of(words[0], units), ylabel=_label_of(words[1], units, "/s"))
+    axes.margins(0.08)
+
+
+def _label_of(words: str, units: tuple[Quantity, ...], per: str = "") -> str:
+    """With the unit of all; outputs of several units share one scale of SI numbers and degrees."""
+    return units[0].label(words, per) if len(set(units)) == 1 else f"{words} (each in its own unit)"
+
+
+def _label(axes: Axes, name: str, y: float, v: float) -> None:
+    behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.6}
+    axes.annotate(
+        name, (y, v), xytext=(0, 4), textcoords="offset points", ha="center", style="italic", bbox=behind, zorder=6
+    )
+
+
+def _mark_events(axes: Axes, result: PredictedResult, output: int, shown: Quantity, named: bool) -> None:
+    simulation = result.simulation
+    start, end = latter_part(simulation, SHOWN)
+    rows = event_rows(simulation)
+    rows = rows[is_between(simulation.t[rows], start, end)]
+    if not len(rows):
+        return
+    y = simulation.y[rows, output] * shown.factor
+    v = output_rate(result, simulation.x[rows], simulation.u[rows])[:, output] * shown.factor
+    if result.measurement.kind == "cycle" and len(result.actual.outputs) == 1:
+        for n in range(-min(result.measurement.p or 0, len(y)), 0):
+            axes.axvline(y[n], color="#8a8a8a", linewidth=0.6, linestyle=(0, (1, 2)), zorder=0.5)
+            axes.axhline(v[n], color="#8a8a8a", linewidth=0.6, linestyle=(0, (1, 2)), zorder=0.5)
+    axes.plot(
+        y, v, "o", markersize=3.2, markerfacecolor="white", markeredgecolor="#222222", markeredgewidth=0.8,
+        label="at events" if named else None, zorder=5,
+    )  # fmt: skip
+
+
+def _phase_caption(case: CaseRuns) -> str:
+    each = ", one output in each" if case.last.simulation.noisy and case.last.actual.n_y > 1 else ""
+    return f"Velocity against position in the last part of the run{each}; circles: states at events."
+
+
+PHASE = Panel("d", _draw_phase_panel, _phase_caption)

@@ -1,0 +1,128 @@
+"""The figures of a sweep, selected by the varied fields and the requested columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.case.sweep_table import SweepTable
+from icmj.errors import ReportError
+from icmj.report import style
+from icmj.report.interval_curve import draw_curve
+from icmj.report.maps import draw_basins, draw_sway, draw_sway_curve, draw_validity
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_WIDE = 130.0  # mm
+
+
+@dataclass(frozen=True, eq=False)
+class SweptPicture:
+    """One figure of a sweep: the end of its file name, the figure, and its caption."""
+
+    name: str
+    figure: Figure
+    caption: str
+
+
+def pictures(swept: SweepTable) -> Iterator[SweptPicture]:
+    """All that can be drawn of a sweep: a map of validity, basins, a curve of Δ_crit, or the size of the sway."""
+    numeric = [(name, field) for name, field in swept.varies if _varies(swept, name)]
+    plants = [plant for plant in ("linear", "mujoco") if f"{plant}_kind" in swept.table.column_names]
+    starts = [name for name, field in numeric if field.startswith(("simulation.initial", "simulation.observer"))]
+    if "root_real" in swept.table.column_names:  # a controller without a critical interval
+        yield from _draw_sizes(swept, [name for name, _ in numeric])
+        return
+    if len(numeric) == 1:
+        (name, _), *_ = numeric
+        figure, (axes,) = style.new_figure(70.0, width=_WIDE)
+        draw_curve(axes, swept, name)
+        style.legend(figure, axes, columns=5)
+        caption = (
+            f"Critical interval against {name}: solid where a cycle is predicted, dashed where none is. Marks: "
+            f"intervals of the cycles on which the runs settled.{_rings(swept)}"
+        )
+        yield SweptPicture("delta_crit", figure, caption)
+    if len(numeric) != 2:
+        return
+    (x, _), (y, _) = numeric
+    for plant in plants:
+        try:
+            if len(starts) == 2:
+                figure, (axes,) = style.new_figure(95.0, width=_WIDE)
+                _below_the_legend(figure)
+                draw_basins(axes, swept, x, y, plant)
+                caption = f"The motion to which each initial state leads, {_plant(plant)}."
+                yield SweptPicture(f"basins_{plant}", figure, caption)
+            else:
+                yield SweptPicture(f"validity_{plant}", _validity(swept, x, y, plant), _caption(plant))
+        except ReportError:  # not on a grid, so there is no map of it
+            return
+
+
+def _draw_sizes(swept: SweepTable, names: list[str]) -> Iterator[SweptPicture]:
+    """The size of the sway over one or two things that vary."""
+    plants = [plant for plant in ("linear", "mujoco") if f"{plant}_outcome" in swept.table.column_names]
+    if len(names) == 1 and plants:
+        figure, (axes,) = style.new_figure(70.0, width=_WIDE)
+        draw_sway_curve(axes, swept, names[0])
+        style.legend(figure, axes, columns=2)
+        yield SweptPicture("sway", figure, "Standard deviation of the first output, in the second half of each run.")
+    for plant in plants if len(names) == 2 else ():
+        figure, (axes,) = style.new_figure(80.0, width=_WIDE)
+        _below_the_legend(figure)
+        try:
+            bar = figure.colorbar(draw_sway(axes, swept, names[0], names[1], plant), ax=axes, pad=0.02)
+        except ReportError:  # not on a grid, so there is no map of it
+            return
+        bar.set_label(r"$\log_{10}$ of the first output’s standard deviation")
+        caption = f"Size of the sway in the second half of each run, {_plant(plant)}. Hatched: it falls."
+        yield SweptPicture(f"sway_{plant}", figure, caption)
+
+
+def _validity(swept: SweepTable, x: str, y: str, plant: str) -> Figure:
+    figure, (axes,) = style.new_figure(80.0, width=_WIDE)
+    _below_the_legend(figure)
+    mesh = draw_validity(axes, swept, x, y, plant)
+    bar = figure.colorbar(mesh, ax=axes, ticks=range(-8, 0), pad=0.02)
+    bar.ax.set_yticklabels([rf"$10^{{{tick}}}$" for tick in range(-8, 0)])
+    bar.set_label("relative error of the interval")
+    return figure
+
+
+def _below_the_legend(figure: Figure) -> None:
+    axes = figure.axes[0]
+    box = axes.get_position()
+    axes.set_position((box.x0, box.y0, box.width, box.height * 0.97))
+
+
+def _plant(plant: str) -> str:
+    return "linear plant" if plant == "linear" else style.NAME[plant]
+
+
+def _rings(swept: SweepTable) -> str:
+    """What rings are, where there are some."""
+    names = [
+        name for name in ("linear_cycle_attracting", "mujoco_cycle_attracting") if name in swept.table.column_names
+    ]
+    repelling = any((swept.numbers(name) == 0).any() for name in names)
+    return " Rings: cycles that repel, on which no run settles." if repelling else ""
+
+
+def _caption(plant: str) -> str:
+    return (
+        f"Relative error of the linear theory’s interval, {_plant(plant)}, with contours at 0.1, 1 and 10 %. "
+        "Hatched: where the run fell, settled on another motion, or had not settled when it ended."
+    )
+
+
+def _varies(swept: SweepTable, name: str) -> bool:
+    """Whether a column has numbers of which at least two differ."""
+    try:
+        return len(np.unique(swept.numbers(name))) > 1
+    except (TypeError, ValueError):
+        return False
