@@ -252,6 +252,6 @@ def test_what_fails_while_it_runs_names_its_file_and_leaves_no_folder(there, roo
     out, run = tmp_path / "out", root / "runs" / "rivals" / "one-link-switching.toml"
     if there:
         out.mkdir()
-    assert main(["run", str(run), "--out", str(out)]) == 2
+    assert main(["run", str(run), "--yes", "--out", str(out)]) == 2
     assert capsys.readouterr().err.splitlines()[-1] == f"icmj: {run}: too much is to be remembered"
     assert out.exists() == there
