@@ -369,15 +369,17 @@ def _moved(values: np.ndarray) -> float:
     """The share of a signal's power in windows of half its length that may come or go where they move by a row.
 
     Hann's window is sin²(πk/L) at row k of L, so a square there changes by 4π/L |cot(πk/L)| of itself: on average by 11
-    rows' share of an even motion, by more where most of the motion is beside an end.
+    rows' share of an even motion, by more where most of the motion is beside an end. And a window's mean, which is
+    taken off, changes by a row in place of another over L: by much where a body at rest falls in the last rows.
     """
     length, changed, power = len(values) // 2, 0.0, 0.0
     turn = np.pi * np.arange(1, length) / length
     for first in (0, (len(values) - length) // 2, len(values) - length):
         part = values[first : first + length]
-        squares = ((part - part.mean())[1:] * np.sin(turn) ** 2) ** 2
-        power += squares.sum()
-        changed += 4 * np.pi / length * (squares / np.abs(np.tan(turn))).sum()
+        about, weight = (part - part.mean())[1:], np.sin(turn) ** 4
+        power += (about**2 * weight).sum()
+        changed += 4 * np.pi / length * (about**2 * weight / np.abs(np.tan(turn))).sum()
+        changed += 2 * np.abs(part[-1] - part[0]) / length * (np.abs(about) * weight).sum()
     return float(changed / power) if power > 0 else 0.0
 
 
