@@ -274,7 +274,7 @@ def clear_leftovers(folder: Path) -> None:
     with suppress(OSError):
         for path in folder.iterdir():
             found = _OURS.fullmatch(path.name)
-            if found and _left(path, found["place"], int(found["pid"])):
+            if found and _is_left_behind(path, found["place"], int(found["pid"])):
                 if path.is_dir() and not path.is_symlink():
                     shutil.rmtree(path, ignore_errors=True)
                 else:
@@ -286,7 +286,7 @@ def _beside(target: Path) -> Path:
     return target.with_name(f".{target.name}.{_place()}-{os.getpid()}-{uuid.uuid4().hex[:8]}{SUFFIX}")
 
 
-def _left(path: Path, place: str, pid: int) -> bool:
+def _is_left_behind(path: Path, place: str, pid: int) -> bool:
     if place != _place() or os.name != "posix":
         try:
             return time.time() - path.lstat().st_mtime > _A_DAY

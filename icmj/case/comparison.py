@@ -1,10 +1,4 @@
-"""Prediction and measurement side by side: numbers, and a verdict in words.
-
-The facts of a run beside its prediction.
-
-The verdict on one simulated run in words: what was predicted, and what came of it.
-
-The comparison of one simulated run with its prediction: numbers for tables, with the verdict in words.
+"""The comparison of one simulated run with its prediction: numbers for tables, and a verdict in words.
 
 A relative error is (measured − predicted)/predicted and is given only where both exist: the interval wherever the
 run had events and Δ_crit is defined by a predicted cycle, the others only where the run settled on a cycle.

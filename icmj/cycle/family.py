@@ -57,7 +57,7 @@ class ReturnMaps:
         """
         run = self.parameter.put(self.run, value)
         self.built += 1
-        assumed = self._assumed(run)
+        assumed = self._make_assumed(run)
         actual: AnyPlant = self._once(
             "actual", self._bodies(run), lambda: self._regain(run) or actual_plant(run, assumed)
         )
@@ -89,7 +89,7 @@ class ReturnMaps:
         turned = replace(here, plant=here.plant.scaled(factor), ports=replace(here.ports, b=here.ports.b * factor))
         return replace(plant, linearisation=replace(turned, D=here.D * factor))
 
-    def _assumed(self, run: RunFile) -> AnyPlant:
+    def _make_assumed(self, run: RunFile) -> AnyPlant:
         plant: AnyPlant = self._once("assumed", self._bare(run), lambda: assumed_plant(run))
         return plant
 

@@ -157,12 +157,12 @@ class _Walker:
             u[-1], D = edge, self.trail.derivative(self.trail.s[-1] + ds)
         if lands or abs(direction[-1]) > _ACROSS:
             row = np.append(np.zeros(len(u) - 1), 1.0)
-        found = correct(curve, u, D, row, self.closed(last))
+        found = correct(curve, u, D, row, self.bound_closure(last))
         if isinstance(found, Miss) or self.has_jumped(found.turn.intervals, u):
             self.closing = (
                 self.closing or not isinstance(found, Miss) or found.lost is not None or is_touching(self.points)
             )
-            self.shorter(found if isinstance(found, Miss) else Miss(None, found.turn))
+            self.shorten(found if isinstance(found, Miss) else Miss(None, found.turn))
             return
         if not lands and (found.u[-1] - 1) * (last.sigma - 1) < 0 and self.ds > 1e-4 * self.longest:
             self.ds *= 0.7 * (1 - last.sigma) / (found.u[-1] - last.sigma)  # past the end of the range
@@ -183,7 +183,7 @@ class _Walker:
             self.ds = min(self.ds, 4 * self.longest, self.longest / max(abs(self.tangent[-1]), 0.25))
 
     @staticmethod
-    def closed(near: Point) -> float:
+    def bound_closure(near: Point) -> float:
         """Sufficient residual, limited by the rounding errors that the map magnifies."""
         return max(CLOSED, _ROUNDING * float(np.abs(near.D[:, :-1]).max()))
 
@@ -191,7 +191,7 @@ class _Walker:
         """Whether another cycle was found, or events have changed places."""
         return bool((np.abs(intervals / self.points[-1].intervals - 1) > _JUMP).any())
 
-    def shorter(self, why: Miss) -> None:
+    def shorten(self, why: Miss) -> None:
         """Halve the step; end the branch if the step is below its minimum."""
         self.ds /= 2
         close = abs(self.curve.range.slope(self.points[-1].sigma)) * self.ds * max(abs(self.tangent[-1]), 1e-3)
@@ -216,14 +216,14 @@ class _Walker:
         if self.closing:
             self.near.add(last)
         if new.derived:
-            self.derived()
+            self.use_derivative()
         self.ending = (
             self.find_growth()
-            or end_by_rounding(curve, self.points, self.closed(self.points[-1]))
-            or round_trip(curve, self.points, self.trail, self.closed(self.points[-1]))
+            or end_by_rounding(curve, self.points, self.bound_closure(self.points[-1]))
+            or round_trip(curve, self.points, self.trail, self.bound_closure(self.points[-1]))
         )
 
-    def derived(self) -> None:
+    def use_derivative(self) -> None:
         """Use the derivative at the last point to choose the step and to test for special points."""
         trail, first, last = self.trail, self.trail.known[-1], len(self.points) - 1
         D, expected = self.along(self.points[-1]), trail.derivative(trail.s[-1])
@@ -248,7 +248,7 @@ class _Walker:
         """Compute the derivative at the last point, if it is only guessed there."""
         if not self.points[-1].derived:
             self.points[-1] = add_derivative(self.curve, self.points[-1])
-            self.derived()
+            self.use_derivative()
 
     def along(self, new: Point) -> Array:
         """The derivative of the residual, its last column from the curve's tangent where that is well conditioned."""
@@ -269,7 +269,7 @@ class _Walker:
         u = trail.between(i, trail.s[i] + part * (trail.s[i + 1] - trail.s[i]))
         row = self.curve.normal((trail.u[i + 1] - trail.u[i]) / (trail.s[i + 1] - trail.s[i]))
         nearest = self.points[i + 1 if part > 0.5 else i]
-        found = correct(self.curve, u, nearest.D, row, self.closed(nearest))
+        found = correct(self.curve, u, nearest.D, row, self.bound_closure(nearest))
         return None if isinstance(found, Miss) else make_point(self.curve, found, FINE)
 
     def find_growth(self) -> Ending | None:

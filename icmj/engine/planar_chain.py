@@ -166,13 +166,13 @@ def _forces(plant: MujocoPlant) -> tuple[Array, Array, Array]:
     if n != len(linear.ports.states):
         return np.zeros((nv, n_u)), np.zeros((nv, n - 2 * nv)), np.zeros((n - 2 * nv, n + n_u))
 
-    def asked(x: Array, u: Array) -> tuple[Array, Array]:
+    def ask_engine(x: Array, u: Array) -> tuple[Array, Array]:
         rate = dynamics(x, u)[0]
         return dynamics.data.qfrc_actuator.copy(), rate[2 * nv :]
 
-    rest = asked(np.zeros(n), np.zeros(n_u))
-    states = [asked(e, np.zeros(n_u)) for e in np.eye(n)]
-    inputs = [asked(np.zeros(n), e) for e in np.eye(n_u)]
+    rest = ask_engine(np.zeros(n), np.zeros(n_u))
+    states = [ask_engine(e, np.zeros(n_u)) for e in np.eye(n)]
+    inputs = [ask_engine(np.zeros(n), e) for e in np.eye(n_u)]
     force = np.column_stack([found[0] - rest[0] for found in (*states[2 * nv :], *inputs)])
     rates = np.column_stack([found[1] - rest[1] for found in (*states, *inputs)])
     rates[:, n:] /= linear.ports.b

@@ -1,15 +1,11 @@
 """Reconstruction of reaction times: step times with which a linear model reproduces the recorded control.
 
-The step times of the set-point are moved until a linear model's response is nearest to the recorded control. With an
-exact model, a system-matched hold and no noise the control of the intermittent controller is that of the continuous
-one to a set-point whose steps stand at the sampling instants, a delay apart: then nothing is left of it.
-
-The linear response of a control to a step of its set-point: a controller's own, or fitted to a record.
-
-The search for the step times of pairs with which a linear response is nearest to a control.
-
-Times are in rows of the record. Both times of a pair are searched together, at the middle of every two rows, from sums
-of squares and products that are the same for all pairs of one interval; then downhill by Gauss and Newton.
+The step times of the set-point are moved until a linear model's response, a controller's own or one fitted to a record,
+is nearest to the recorded control. With an exact model, a system-matched hold and no noise the control of the
+intermittent controller is that of the continuous one to a set-point whose steps stand at the sampling instants, a delay
+apart: then nothing is left of it. Times are in rows of the record. Both times of a pair are searched together, at the
+middle of every two rows, from sums of squares and products that are the same for all pairs of one interval; then
+downhill by Gauss and Newton.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""The family: a controller and a body whose numbers are unknown, and the trials of one of its members.
+"""The family: a controller and a body some of whose numbers are unknown, their prior, and the trials of its members.
 
-The prior: what is known of a family's numbers before a recording is seen.
-
-Inference sees z alone, of which each number is a rising function (:class:`icmj.runfile.family_tables.PriorTable`).
+Inference knows a member by z alone; each number is a rising function of one of its values
+(:class:`icmj.runfile.family_tables.PriorTable`).
 """
 
 from __future__ import annotations

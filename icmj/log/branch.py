@@ -161,7 +161,7 @@ def _diagram(recording: rr.RecordingStream, branch: Branch, t: Array, at: np.nda
     top = min(float(branch.intervals.max()), 4 * float(np.median(branch.intervals)))
     middle, half = (value.max() + value.min()) / 2, np.ptp(value) / 2 or 1.0
 
-    def placed(x: Array, y: Array) -> Array:
+    def place_points(x: Array, y: Array) -> Array:
         return np.column_stack([WIDE * (x - middle) / half, 1 - 2 * np.minimum(y, 1.05 * top) / top])
 
     frame = [[-WIDE, -1.0], [-WIDE, 1.0], [WIDE, 1.0]]
@@ -174,12 +174,12 @@ def _diagram(recording: rr.RecordingStream, branch: Branch, t: Array, at: np.nda
     recording.log("diagram/labels", labels, static=True)
     strips, colours = [], []
     for j in range(branch.intervals.shape[1]):
-        points = placed(value, branch.intervals[:, j])
+        points = place_points(value, branch.intervals[:, j])
         for i in range(len(branch) - 1):
             strips.append(points[i : i + 2])
             colours.append(palette.SKY if branch.attracting[i] and branch.attracting[i + 1] else palette.VERMILION)
     recording.log("diagram/branch", rr.LineStrips2D(strips, colors=colours, radii=[-1.2]), static=True)
-    here = placed(value[at], branch.intervals[at].mean(axis=1))
+    here = place_points(value[at], branch.intervals[at].mean(axis=1))
     recording.log("diagram/here", rr.Points2D.from_fields(colors=[palette.YELLOW], radii=[0.05]), static=True)
     recording.send_columns("diagram/here", [time_column(t)], rr.Points2D.columns(positions=here))
 

@@ -38,7 +38,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: PredictedResult) ->
     seen = [(y[late], rate[late])] + ([orbit] if orbit is not None else [])
     scale_y, scale_rate = (round_up(max(float(np.abs(pair[i]).max(initial=0.0)) for pair in seen)) for i in (0, 1))
 
-    def placed(y: Array, rate: Array) -> Array:
+    def place_points(y: Array, rate: Array) -> Array:
         return np.column_stack([WIDE * y / scale_y, -rate / scale_rate])
 
     _write_frame(recording, scale_y, scale_rate, shared_unit(result.actual.output_units))
@@ -48,32 +48,32 @@ def write_phase_plane(recording: rr.RecordingStream, result: PredictedResult) ->
     events = events[late[events]]
     for i, (name, colour) in enumerate(zip(result.actual.outputs, colours, strict=True)):
         root = f"{ROOT}/{name}"
-        strips = _inside(placed(y[approach, i], rate[approach, i]))
+        strips = _inside(place_points(y[approach, i], rate[approach, i]))
         if strips:
             faint = palette.darken(palette.darken(colour))
             recording.log(
                 f"{root}/approach", rr.LineStrips2D(strips, colors=[faint], radii=[-0.5], draw_order=1.0), static=True
             )
         if orbit is not None:
-            line = placed(orbit[0][:, i], orbit[1][:, i])
+            line = place_points(orbit[0][:, i], orbit[1][:, i])
             recording.log(
                 f"{root}/orbit",
                 rr.LineStrips2D([line], colors=[palette.darken(palette.WHITE)], radii=[-3.0], draw_order=10.0 + i),
                 static=True,
             )
-        line = placed(y[late, i], rate[late, i])
+        line = place_points(y[late, i], rate[late, i])
         recording.log(
             f"{root}/run", rr.LineStrips2D([line], colors=[colour], radii=[-1.25], draw_order=20.0 + i), static=True
         )
         if len(events):
-            at = placed(y[events, i], rate[events, i])
+            at = place_points(y[events, i], rate[events, i])
             recording.log(
                 f"{root}/events",
                 rr.Points2D(at, colors=[palette.EVENT], radii=[-3.5], draw_order=30.0 + i),
                 static=True,
             )
     shown = select_frames(simulation.t)
-    now = np.stack([placed(y[shown, i], rate[shown, i]) for i in range(result.actual.n_y)], axis=1)
+    now = np.stack([place_points(y[shown, i], rate[shown, i]) for i in range(result.actual.n_y)], axis=1)
     style = rr.Points2D.from_fields(
         colors=colours, radii=[-6.0], labels=list(result.actual.outputs), show_labels=True, draw_order=40.0
     )

@@ -1,8 +1,8 @@
-"""The motion of a simulation: the cycle on which it settled, or that it grew, decayed, wandered or was too short.
+"""The motion of a simulation, classified from its events: the cycle on which it settled, or that it grew, decayed,
+wandered or was too short.
 
-The classification of a motion from its events, as data.
-
-Recurrence in a sequence of states: closure after q steps, its trend, and the separation of neighbouring states.
+It is told by recurrence in the sequence of states at events: closure after q steps, its trend, and the separation of
+neighbouring states.
 """
 
 from __future__ import annotations

@@ -1,20 +1,17 @@
-"""Statistics of a run under noise, which has no exact period and is described by distributions.
+"""Statistics of a run under noise, which has no exact period: averages with their errors, spectra, and modality.
 
 Successive values of a motion are not independent, so their scatter says little about the error of their mean. Averages
-over blocks much longer than the motion's memory are nearly independent, and theirs does (batch means).
+over blocks much longer than the motion's memory are nearly independent, and theirs does (batch means). Spectra are of
+rows that are not evenly spaced, because events are recorded when they come.
 
-Power spectra of signals whose rows are not evenly spaced, because events are recorded when they come.
-
-Whether a distribution has one mode or several: Silverman's critical bandwidth, compared with surrogates of one mode.
-
-A Gaussian kernel of width h smooths a sample; the wider it is, the fewer modes are left. The *critical bandwidth* is
-the least width with a single one: large relative to the standard deviation where there are two clusters (Silverman
-1981, J. R. Stat. Soc. B 43:97–99). Independent values are compared with samples of the smoothed distribution itself,
-which has one mode, as Silverman does. Values of a signal are not independent: a slow signal of one mode also stays
-near some values for long. They are compared with signals of the same spectrum and random phases, which are Gaussian
-(Theiler et al. 1992, Physica D 58:77–94). The test is conservative where the single mode is peaked, and not where it
-is flat, so that only a very small p indicates several modes. The outermost 5 % of the values are left out: bumps of a
-tail are no modes.
+Whether a distribution has several modes is asked of Silverman's critical bandwidth. A Gaussian kernel of width h
+smooths a sample; the wider it is, the fewer modes are left. The *critical bandwidth* is the least width with a single
+one: large relative to the standard deviation where there are two clusters (Silverman 1981, J. R. Stat. Soc. B
+43:97–99). Independent values are compared with samples of the smoothed distribution itself, which has one mode, as
+Silverman does. Values of a signal are not independent: a slow signal of one mode also stays near some values for long.
+They are compared with signals of the same spectrum and random phases, which are Gaussian (Theiler et al. 1992, Physica
+D 58:77–94). The test is conservative where the single mode is peaked, and not where it is flat, so that only a very
+small p indicates several modes. The outermost 5 % of the values are left out: bumps of a tail are no modes.
 """
 
 from __future__ import annotations

@@ -1,14 +1,9 @@
-"""The quality of an operating point and its linearisation: numbers, and notices for the user.
+"""The quality of an operating point and its linearisation, as numbers and as notices that say what to do.
 
-A prediction applies to small departures of a smooth plant from rest. Violations of these conditions are found here
-before the prediction: a plant that is not at rest, an input that can only push one way, dry friction, an output that
-depends directly on the input, an uncontrollable or unobservable mode.
-
-Notices to the user: kind, severity, and a text that says what to do.
-
-Neutral, uncontrollable and unobservable modes of a linear plant, by the names of their states.
-
-A plant given by its matrices, in place of a model of the engine.
+A prediction holds for small departures of a smooth plant from rest. What violates that is found here before the
+prediction is made: a plant that is not at rest, an input that can only push one way, dry friction, an output that
+depends directly on the input, and modes that are neutral, uncontrollable or unobservable, by the names of their states.
+A plant that is given by its matrices has the last of these alone.
 """
 
 from __future__ import annotations

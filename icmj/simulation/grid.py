@@ -74,7 +74,7 @@ def _draw(seed: int, a: float, parts: int) -> Array:
     fresh = random.standard_normal(parts * _BLOCKS * _BLOCK).reshape(parts, _BLOCKS, _BLOCK)
     if a == 0:
         return fresh.ravel()
-    left = _left(a)
+    left = _weigh_past(a)
     fresh *= np.sqrt(1 - a**2)
     fresh[0, 0, 0] /= np.sqrt(1 - a**2)  # it has been going on for ever
     found, last = np.empty_like(fresh), 0.0
@@ -87,7 +87,7 @@ def _draw(seed: int, a: float, parts: int) -> Array:
 
 
 @lru_cache(maxsize=16)
-def _left(a: float) -> Array:
+def _weigh_past(a: float) -> Array:
     """The contribution of each point of a block to each other point, shape (256, 256)."""
     order = np.arange(_BLOCK)
     since = order[:, None] - order

@@ -1,9 +1,6 @@
-"""Computation of one chunk of points: a row for each point, also for points that fail or whose
-controller has no prediction.
+"""A chunk of a sweep: a row of results for each of its points, and the columns of these rows, each with its meaning.
 
-The facts that only sweeps tell: of exact cycles, and of runs without a prediction.
-
-The columns of a sweep's table, each with its meaning; missing values are empty.
+A point that fails, or whose controller has no prediction, has a row too; values that are missing are empty.
 """
 
 from __future__ import annotations

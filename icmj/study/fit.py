@@ -1,14 +1,10 @@
-"""The fit: families trained once, then each person's posterior, what it predicts, and which family.
+"""The fit: families are trained once, then each person has a posterior, what it predicts, and a choice of family.
 
-    TRAINED/           banks and networks (:mod:`icmj.study.fit`)
-    OUT/people/*.npz   what draws of each posterior measure: what stands there is done; digests in SHA256SUMS there
+What is finished is kept, and found again by what it was made of, so that a fit goes on where it was interrupted::
 
-Whatever is finished is kept and found again by what it was made of, so that a fit goes on where it was killed.
-
-Families that were simulated and trained, once for all people; what is finished is found again.
-
-FOLDER/NAME-FINGERPRINT/bank-SEED, check-SEED   simulated people to train on; others to set the width, to calibrate
-FOLDER/NAME-FINGERPRINT/flow-*.npz, posterior-*.npz, FOLDER/choice-*.npz   networks
+    OUT/people/*.npz   what draws of each posterior measure; digests in SHA256SUMS there
+    TRAINED/NAME-FINGERPRINT/bank-SEED, check-SEED   simulated people to train on; others to calibrate with
+    TRAINED/NAME-FINGERPRINT/flow-*.npz, posterior-*.npz, TRAINED/choice-*.npz   networks
 """
 
 from __future__ import annotations

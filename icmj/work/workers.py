@@ -1,15 +1,11 @@
-"""Processes that work for this one, and end when it ends, however it ends.
+"""Workers that compute ranges of a plan: processes of this machine, which end with this one, or a Dask cluster.
 
-They are started afresh on every system (MuJoCo's callbacks and numba's threads do not survive a fork). They do not run
-the user's script again, so that it needs no guard, and functions that it defines itself reach them all the same. They
-know nothing of Ctrl-C, which is for this process to handle, and neither write to the terminal nor hold it open. They
-import nothing from the working folder that this process does not. One that dies takes only its own task with it. Tasks
-go to their standard input, and messages come from their standard output, each pickled twice: what is in it may fail to
-be read.
-
-Those who compute ranges of a plan, each by itself: processes on this machine, or a Dask cluster.
-
-See docs/sweeps.md for how to start a cluster.
+Processes are started afresh on every system (MuJoCo's callbacks and numba's threads do not survive a fork). They do not
+run the user's script again, so that it needs no guard, and functions that it defines itself reach them all the same.
+They know nothing of Ctrl-C, which is for this process to handle, and neither write to the terminal nor hold it open.
+They import nothing from the working folder that this process does not. One that dies takes only its own task with it.
+Tasks go to their standard input, and messages come from their standard output, each pickled twice: what is in it may
+fail to be read. docs/sweeps.md says how to start a cluster.
 """
 
 from __future__ import annotations

@@ -1,13 +1,10 @@
-"""The rates of plant, observer and hold at the engine's state, from the fewest stages that give identical results.
+"""The controller as MuJoCo's callbacks: the rates of plant, observer and hold at the engine's state, from the fewest
+stages that give identical results.
 
-Exogenous signals at an instant, in the loops and callbacks; see :mod:`icmj.engine.signals`.
-
-Forces on bodies, in the compiled loops; :mod:`icmj.engine.forces` has the same in numpy for the analysis.
-
-The controller as MuJoCo's callbacks: outputs afresh, the command, and the rates of observer and hold.
-
-They hold no state of their own: everything is in the model that they are called on, so runs on different models may go
-on in different threads. They cannot raise.
+The callbacks take the outputs afresh, set the command and give the rates of observer and hold, with the signals and the
+forces on bodies of that instant (:mod:`icmj.engine.signals`, :mod:`icmj.engine.forces`). They hold no state of their
+own: everything is in the model that they are called on, so runs on different models may go on in different threads.
+They cannot raise.
 """
 
 from __future__ import annotations

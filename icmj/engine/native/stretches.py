@@ -1,6 +1,5 @@
-"""The flow of the engine stretch by stretch, under any controller, for all steppings.
-
-The verbs that :mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant.
+"""The flow of the engine stretch by stretch, under any controller, for all steppings, as the verbs that
+:mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant.
 
 On a stretch (:mod:`icmj.simulation.native.taps`) what is read of earlier is a polynomial in time. A controller that
 only reads delayed outputs commands one, which is known ahead, so the engine integrates under it as under any other
@@ -10,10 +9,7 @@ rule is reached is known only afterwards: the stretch is flown, looked at, and f
 
 What the engine passes of outputs (and states of the controller) on the way is made a polynomial again, which the taps
 read later, and in which guards and faces are looked for: through values at nodes, each by a polynomial of degree seven
-through the samples around it, with an error of order eight in their spacing.
-
-A fall is noticed where a step ends.
-
+through the samples around it, with an error of order eight in their spacing. A fall is noticed where a step ends.
 Recurring arguments are those of :mod:`icmj.engine.native.state` and :mod:`icmj.simulation.taps`.
 """
 

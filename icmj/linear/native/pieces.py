@@ -1,17 +1,15 @@
-"""The flow of the linear plant under an observer, a hold and an event rule, in pieces of exact motion.
-
-The verbs that :mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant.
+"""The flow of the linear plant under an observer, a hold and an event rule, in pieces of exact motion, as the verbs
+that :mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant.
 
 Between two instants at which something is due (a *piece*) the state follows a matrix exponential, step by step. A step
 is dismissed at once if short polynomials with a bound of what they leave out show that it holds no event, no fall, and
-no extreme of an output; only the others are looked at with the whole series.
+no extreme of an output; only the others are looked at with the whole series. A rule that begins to watch at the end of
+a piece is not watched within it.
 
 Quiet motion counts its steps from where the piece begins, and disturbed motion from zero: what acts on a step of that
 grid does not depend on the state, and has been worked out before (:mod:`icmj.linear.tables`). A piece then begins
 and ends within a step. It is followed back to where that step begins, as if it had come from there, so that all steps
 are looked at in the same way. After a jump, what has jumped is followed back alone.
-
-A rule that is watched from the instant on at which a piece ends is not watched within that piece.
 """
 
 from __future__ import annotations
