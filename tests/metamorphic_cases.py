@@ -4,8 +4,8 @@ The rules need no oracle: each compares a run with another of the same file, cha
 
 * ``later``: what begins at t leaves everything before t as it was, however large or small it is;
 * ``longer``: a run of T and a longer one are equal up to T, events at T included;
-* ``rows``: what is recorded changes no bit of the motion, and what is measured of it no more than interpolation errs;
-  the first or the last row changes no measure by more than its share;
+* ``rows``: there is one at every multiple of its interval; what is recorded changes no bit of the motion, and what is
+  measured of it no more than interpolation errs; the first or the last row changes no measure by more than its share;
 * ``instants``: what begins on a row, an event or a tick, beside it by rounding, or between them, is exported alike at
   any rate, whatever the rows, and changes nothing that is exported of the time before;
 * ``order``: where two instants coincide, the run is the limit of runs in which they follow one another in the order
@@ -405,7 +405,13 @@ def _measured(drawn: Drawn, rng: random.Random, plant: str) -> str:
     for rows in (slice(1, None), slice(None, -1)):
         if words := _share(found, rows):
             return words
-    other = exported(play(fine.changed(simulation__record_interval=0.01), plant), drawn, 100.0).chosen(outputs)
+    coarse = play(fine.changed(simulation__record_interval=0.01), plant)
+    for rare, interval in ((run, 0.005), (coarse, 0.01)):
+        due = interval * np.arange(int(rare.t[-1] / interval) + 1)
+        lost = due[np.abs(rare.t[np.searchsorted(rare.t, due - 1e-9)] - due) > 1e-9]
+        if len(lost):
+            return f"no row at {lost[0]:.6f} s, where rows are {interval} s apart"
+    other = exported(coarse, drawn, 100.0).chosen(outputs)
     off = np.abs(other.values - found.values[: len(other)]).max() / max(np.abs(found.values).max(), 1e-9)
     return f"outputs at 100 Hz differ by {off:.1e} of the largest, by the interval of rows" if off > EXPORTED else ""
 

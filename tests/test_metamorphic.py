@@ -41,6 +41,10 @@ def test_the_last_row_of_a_fall_changes_a_spectrum_by_its_share(seed, plant):
     assert check("rows", seed, plant) == ""
 
 
+def test_no_row_is_lost_where_a_threshold_is_met_within_a_step_and_sampled_later():
+    assert check("rows", 310000010, "mujoco") == ""
+
+
 @pytest.mark.parametrize("seed", [1214, 1220])
 def test_integrators_that_nothing_reads_are_neutral_in_any_coordinates(seed):
     assert check("coordinates", seed, "linear") == ""

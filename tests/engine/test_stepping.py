@@ -268,10 +268,10 @@ def test_steps_are_rounded_down() -> None:
     assert round_step(np.inf) == np.inf
 
 
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-7])
-def test_rows_are_at_multiples_of_the_record_interval_and_change_nothing(tolerance: float) -> None:
-    """Not a bit of events, extremes or what is at an instant that both runs have."""
-    body, control = plant("three_link", 0.9), controller("three_link")
+@pytest.mark.parametrize(("tolerance", "late"), [(1e-2, 0.0), (1e-7, 0.0), (1e-7, 0.0137)])
+def test_rows_are_at_multiples_of_the_record_interval_and_change_nothing(tolerance: float, late: float) -> None:
+    """Not a bit of events, extremes or what is at an instant that both runs have; after a threshold's sample, too."""
+    body, control = plant("three_link", 0.9), replace(controller("three_link"), sampling_delay=late)
     runs = []
     for every in (0.6, 0.01, 0.0037, 1e-4):
         settings = Settings(duration=0.6, tolerance=tolerance, record_interval=every)

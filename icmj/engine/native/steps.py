@@ -409,9 +409,10 @@ def _rows_within(engine, progress, plan, record, length):  # type: ignore[no-unt
 
 @exact
 def _take_back(engine, progress, plan, record, first):  # type: ignore[no-untyped-def]
-    """Rows from the number ``first`` on that an event is earlier than, or no later."""
+    """Rows from the number ``first`` on that an event, or its sample, is earlier than, or no later: due once more."""
     while record.count[1] > first and record.rows[record.count[1] - 1, 0] > engine.time[0] - _NEAR * plan.timestep:
         record.count[1] -= 1
+        progress[0].next_row = record.rows[record.count[1], 0]
 
 
 @merged
