@@ -425,11 +425,11 @@ from icmj.series.series import Series
 SUFFIXES = (".jsonl",)
 
 
-def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
+def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> tuple[Series, ...]:
     rows = [json.loads(line) for line in file]
     names = list(rows[0]) if rows else []
     choice = choose_columns(names, [""] * len(names), columns, rate)
-    return choice.to_series(np.array([[row[names[i]] for i in choice.at] for row in rows], dtype=float))
+    return choice.to_trials(np.array([[row[names[i]] for i in choice.at] for row in rows], dtype=float))
 
 
 def write(series: Series, part: Path) -> None:

@@ -17,7 +17,7 @@ import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -31,8 +31,9 @@ from icmj.errors import DataError, FitError
 from icmj.fitting.family import DURATION, RATE
 from icmj.measurement import sway
 from icmj.series.even_rows import expect_rate, resample_series
+from icmj.series.long_table import label_of
 from icmj.series.plausibility import STUCK, measure_longest_still, note_oddities
-from icmj.series.reading import read_series
+from icmj.series.reading import read_long_table
 from icmj.series.series import EVEN, Series
 from icmj.series.units import find_factor
 
@@ -150,11 +151,14 @@ class TrialOf:
         name: name of the trial, from its file and column.
         cop: front-to-back centre of pressure [m] at 100 Hz, shape (N,).
         notes: changes that were made to the recording.
+        person, condition: what a long table calls them; "" where it does not.
     """
 
     name: str
     cop: Array
     notes: tuple[str, ...] = ()
+    person: str = ""
+    condition: str = ""
 
     @property
     def duration(self) -> float:
@@ -171,7 +175,7 @@ def read_trials(
     since: float | None = None,
     until: float | None = None,
 ) -> tuple[TrialOf, ...]:
-    """Read the trials in one file of any kind that :func:`icmj.read_series` reads; each column is one trial.
+    """Read the trials in one file of any kind that :func:`icmj.series.read_long_table` reads; each column is one trial.
 
     Args:
         path: the file.
@@ -186,9 +190,16 @@ def read_trials(
             gaps, or does not contain the sway of a standing person.
     """
     with _of(path):
-        series = expect_rate(read_series(path, columns=columns, rate=rate, since=since, until=until), rate)
-        chosen = tuple(columns) or _guess_column(series)
-        return tuple(part for name in chosen for part in trials_of(series, name, unit=unit))
+        found = []
+        for series in read_long_table(path, columns=columns, rate=rate, since=since, until=until):
+            chosen, label = tuple(columns) or _guess_column(series), label_of(series)
+            with _of(label):
+                parts = [part for name in chosen for part in trials_of(expect_rate(series, rate), name, unit=unit)]
+            person, condition = (series.facts.get(topic, "") for topic in ("person", "condition"))
+            for part in parts:
+                name = ", ".join(filter(None, (label, part.name)))
+                found.append(replace(part, name=name, person=person, condition=condition))
+        return tuple(found)
 
 
 def trials_of(series: Series, column: str, *, unit: str | None = None) -> tuple[TrialOf, ...]:
@@ -393,4 +404,4 @@ def _of(path: Path | str) -> Iterator[None]:
         yield
     except (DataError, FitError) as error:
         words = str(error)
-        raise FitError(words if words.startswith(str(path)) else f"{path}: {words}") from error
+        raise FitError(words if words.startswith(str(path)) or not path else f"{path}: {words}") from error

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.even_rows import step_of
+from icmj.series.long_table import split_rows
 from icmj.series.plates import find_loads, leave_out_unloaded
 from icmj.series.series import COUNTER, Series, expect_names_differ, place
 from icmj.series.units import SECONDS
@@ -23,7 +25,6 @@ from icmj.series.units import SECONDS
 MOST_NUMBERS = 12_000_000  # that are read, times among them; measuring them takes a gigabyte and a half
 TIMES = ("t", "time", "times", "timestamp", "seconds")
 """Names of a column of times, whatever else is in the file."""
-TRIALS = ("trial", "trials", "repetition")  # columns that count what stands one below the other
 COUNTS = ("frame", "frames", "sub frame", "subframe", "sample", "samples", "index", "row", "item")  # of rows
 LONGEST_STEP, SHORTEST_STEP = 0.3, 2e-5
 """Distances of rows beyond which times without a unit are not taken for seconds; ours: 3.3 Hz and 50 kHz."""
@@ -81,23 +82,34 @@ class Columns:
             )
         return np.empty((rows, len(self.at)))
 
-    def to_series(self, data: Array) -> Series:
-        """The series from the data that were read, shape (N, columns).
+    def to_trials(self, data: Array, labels: Sequence[tuple[str, Any]] = ()) -> tuple[Series, ...]:
+        """The series of each trial from the data that were read; without labels there is one.
+
+        Args:
+            data: shape (N, columns).
+            labels: topic and cells of the columns that label rows (:mod:`icmj.series.long_table`).
 
         Raises:
-            DataError: if the times do not rise or their unit has to be said, or trials stand one below the other.
+            DataError: if times do not rise, their unit has to be said, or a row has no label.
         """
-        if self.clock:  # rows that exporters leave empty at the end, without a time, are none
+        if self.clock or labels:  # rows that exporters leave empty at the end are none
             known = np.flatnonzero(~np.isnan(data).all(axis=1))
             data = data[: known[-1] + 1 if len(known) else 0]
+        if not labels:
+            return (self._to_series(data),)
+        found = []
+        for named, rows in split_rows(labels, len(data)):
+            try:
+                series = self._to_series(data[rows])
+            except DataError as error:
+                raise DataError(f"{', '.join(f'{topic} {word}' for topic, word in named.items())}: {error}") from error
+            found.append(replace(series, facts={**named, **series.facts}))
+        return tuple(found)
+
+    def _to_series(self, data: Array) -> Series:
         t = self._times(data)
         data = data[:, 1:] if self.clock else data
         names, units = zip(*zip(self.names, self.units, strict=True), *self.beside, strict=True)
-        for at in (i for i, name in enumerate(names) if not self.clock and name.lower() in TRIALS):
-            if len(data) and np.ptp(data[:, at]) > 0:
-                raise DataError(
-                    f"trials one below the other, which the column {names[at]!r} counts; save each in a file of its own"
-                )
         whole = Series(t, data, names, units)
         kept = leave_out_unloaded(whole, self.loads)
         if self.asked:
@@ -179,7 +191,6 @@ def choose_columns(
         kept = [kept[place(known, name)] for name in columns]
     loads = {i: on for i, on in loads.items() if i in kept}
     needed += [i for on in loads.values() for i in on]
-    needed += [i for i, name in enumerate(names) if clock is None and name.lower() in TRIALS]
     beside = list(dict.fromkeys(i for i in needed if i not in kept))
     at = (*([] if clock is None else [clock]), *kept, *beside)
     for i in at:

@@ -9,6 +9,7 @@ from icmj.base.files import open_file
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.formats import FORMATS
+from icmj.series.long_table import label_of
 from icmj.series.series import Series
 
 MOST_BYTES = 500_000_000
@@ -22,7 +23,7 @@ def read_series(
     since: float | None = None,
     until: float | None = None,
 ) -> Series:
-    """The time series in a file that :func:`icmj.write_series` or another program has written.
+    """The time series in a file of one trial that :func:`icmj.write_series` or another program has written.
 
     The form of a CSV file is that in which most cells are numbers (:mod:`icmj.series.csv_table`): its separators,
     decimal sign, and the lines before the table. Names are read from above the first numbers, such as ``ankle [rad]``
@@ -46,8 +47,38 @@ def read_series(
 
     Raises:
         DataError: if the file cannot be read, is too large, contains no numbers or no such columns, has no rows from
-            ``since`` to ``until``, its times are missing, do not increase or have a unit that has to be said, or it can
-            be read in two ways; for C3D, if ezc3d is not installed.
+            ``since`` to ``until``, its times are missing, do not increase or have a unit that has to be said, it can
+            be read in two ways, or holds several trials; for C3D, if ezc3d is not installed.
+    """
+    trials = read_long_table(path, columns=columns, rate=rate, since=since, until=until)
+    if len(trials) > 1:
+        raise DataError(
+            f"{path}: {len(trials)} trials one below the other ({label_of(trials[0])}; {label_of(trials[1])}"
+            f"{'; ...' if len(trials) > 2 else ''}); save the one that is meant in a file of its own, or read all of "
+            "them with icmj.series.read_long_table"
+        )
+    return trials[0]
+
+
+def read_long_table(
+    path: Path | str,
+    *,
+    columns: Sequence[str] = (),
+    rate: float | None = None,
+    since: float | None = None,
+    until: float | None = None,
+) -> tuple[Series, ...]:
+    """The time series of each trial in a file, as :func:`icmj.read_series` reads them; of most files there is one.
+
+    Trials stand one below the other in a long table: a column names the trial of each row, as ``trial`` or ``trial_id``
+    does, or its ``condition``, or its ``person``, ``subject`` or ``participant``; or several columns together do. Their
+    labels are the facts ``trial``, ``condition`` and ``person`` of each series; the times of each are its own.
+
+    Args:
+        path, columns, rate, since, until: as for :func:`icmj.read_series`.
+
+    Raises:
+        DataError: as :func:`icmj.read_series`; also if a row has no label.
     """
     path = Path(path)
     try:
@@ -55,8 +86,8 @@ def read_series(
             raise DataError(f"not a format that icmj reads; {advice}")
         with open_file(path, MOST_BYTES) as file:
             ours = (one for one in FORMATS if path.suffix.lower() in one.SUFFIXES)
-            found: Series = next(ours, FORMATS[FORMATS.names[0]]).read(path, file, columns, rate)
-            return cut_rows(found, since, until)
+            found: tuple[Series, ...] = next(ours, FORMATS[FORMATS.names[0]]).read(path, file, columns, rate)
+            return tuple(cut_rows(one, since, until) for one in found)
     except DataError as error:
         raise DataError(f"{path}: {error}") from error
     except (OSError, ValueError) as error:

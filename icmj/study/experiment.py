@@ -43,8 +43,9 @@ from icmj.report import style
 from icmj.report.experiment import Row, experiment_page
 from icmj.runfile.schema import RunFile
 from icmj.series.even_rows import expect_rate
+from icmj.series.long_table import label_of
 from icmj.series.plausibility import note_oddities
-from icmj.series.reading import read_series
+from icmj.series.reading import read_long_table
 from icmj.series.series import SETTLED, Series
 from icmj.series.writing import find_writers
 from icmj.simulation.settings import reseed
@@ -322,7 +323,8 @@ def analyse_recordings(
 
     Args:
         file: the experiment file, its path, or the name of a shipped one; its cases are ignored.
-        recordings: files that :func:`icmj.read_series` reads: the trials of one person and condition.
+        recordings: files that :func:`icmj.series.read_long_table` reads: trials of one person and condition, or
+            of several, if columns of the files name them; each person and condition then has a result.
         out: folder for results and figure, of these recordings alone.
         rate: rows per second of files without times [Hz].
         since, until: times [s] before and after which rows of every recording are left out.
@@ -334,31 +336,39 @@ def analyse_recordings(
         StudyError: if the folder holds another experiment, or one on other recordings.
     """
     made = file if isinstance(file, ExperimentFile) else load_experiment(file)
-    kind, trials, notes, same = made.settings, list[Recording](), list[str](), dict[bytes, Path]()
+    kind, groups, notes, same = made.settings, dict[str, list[Recording]](), list[str](), dict[bytes, str]()
     for path in map(Path, recordings):
+        where = str(path)
         try:
-            series = expect_rate(read_series(path, rate=rate, since=since, until=until), rate)
-            with at_work(kind):
-                read = kind.read(series)
-            trials.append(Recording(note_oddities(read)))
-            first = same.setdefault(trials[-1].series.values.tobytes(), path)
-            if len(same) < len(trials):
-                raise DataError(f"holds the same values as {first}; a copy is no further trial, leave it out")
-            notes += [f"{path.name}: {remark}" for remark in trials[-1].series.remarks]
+            for series in read_long_table(path, rate=rate, since=since, until=until):
+                label = label_of(series)
+                where = ", ".join(filter(None, (str(path), label)))
+                with at_work(kind):
+                    read = note_oddities(kind.read(expect_rate(series, rate)))
+                if (values := read.values.tobytes()) in same:
+                    raise DataError(
+                        f"holds the same values as {same[values]}; a copy is no further trial, leave it out"
+                    )
+                same[values] = where
+                groups.setdefault(label_of(series, ("person", "condition")), []).append(Recording(read))
+                name = ", ".join(filter(None, (path.name, label)))
+                notes += [f"{name}: {remark}" for remark in read.remarks]
         except DataError as error:
-            raise DataError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from error
-    if not trials:
+            raise DataError(str(error) if str(error).startswith(str(path)) else f"{where}: {error}") from error
+    if not groups:
         raise DataError("no recording; give one file at least")
-    try:
-        with at_work(kind):
-            finding = kind.analyse(trials)
-            words = finding.words
-    except DataError as error:
-        which = str(recordings[0]) if len(trials) == 1 else f"{len(trials)} recordings"
-        raise DataError(f"{which}: {error}") from error
-    name = Path(recordings[0]).stem
-    told = CaseResult(name, name, "recording", finding, len(trials), words)
-    experiment = Experiment(made, (told,), tuple(Path(path).name for path in recordings), tuple(notes))
+    found = []
+    for label, trials in groups.items():
+        try:
+            with at_work(kind):
+                finding = kind.analyse(trials)
+                words = finding.words
+        except DataError as error:
+            which = str(recordings[0]) if len(trials) == 1 else f"{len(trials)} recordings"
+            raise DataError(f"{', '.join(filter(None, (which, label)))}: {error}") from error
+        name = label or Path(recordings[0]).stem
+        found.append(CaseResult(name, name, "recording", finding, len(trials), words))
+    experiment = Experiment(made, tuple(found), tuple(Path(path).name for path in recordings), tuple(notes))
     if out is not None:
         part = {"rate": rate, "since": since, "until": until}
         sources = [{"name": Path(path).name, "sha256": digest_of(Path(path)), **part} for path in recordings]

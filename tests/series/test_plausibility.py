@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.errors import DataError, FitError, LogError
+from icmj.errors import DataError, LogError
 from icmj.fitting import read_trials
 from icmj.log.program import find_program
 from icmj.series.plausibility import note_oddities
@@ -79,19 +79,6 @@ def test_a_copy_is_no_further_trial(tmp_path, shell):
     assert icmj.analyse_recordings(tmp_path / "s.toml", [a, c]).found[0].trials == 2
     said = shell.refuses(["fit", str(a), str(b), "--model", "none.toml"])
     assert f"{b}: holds the same values as {a}; a copy is no further trial" in said
-
-
-def test_trials_one_below_the_other_are_refused(tmp_path):
-    """Two trials of 3.81 and 7.62 were measured as one of 11.67."""
-    rows = "\n".join(f"{trial},{x:.5f}" for trial, seed in ((1, 1), (2, 2)) for x in sway(seed=seed).values[:, 0])
-    (tmp_path / "both.csv").write_text(f"trial,ap [mm]\n{rows}\n")
-    with pytest.raises(DataError, match="trials one below the other, which the column 'trial' counts"):
-        icmj.read_series(tmp_path / "both.csv", columns=["ap"], rate=100.0)
-    with pytest.raises(FitError, match="trials one below the other"):
-        read_trials(tmp_path / "both.csv", ["ap"], rate=100.0)
-    one = "\n".join(f"1,{x:.5f}" for x in sway(seed=1).values[:, 0])
-    (tmp_path / "one.csv").write_text(f"trial,ap [mm]\n{one}\n")
-    assert len(icmj.read_series(tmp_path / "one.csv", columns=["ap"], rate=100.0)) == 4000
 
 
 @pytest.mark.parametrize(("seconds", "parts", "note"), [

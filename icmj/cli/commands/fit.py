@@ -36,7 +36,8 @@ class FitCommand(Command):
     group = "Use the logs"
 
     recordings: Annotated[tuple[Path, ...], POSITIONAL] = ()
-    """Recordings of one person (CSV, Parquet, npz, C3D), each of one trial or several."""
+    """Recordings of one person (CSV, Parquet, npz, C3D), each of one trial or several; or of several people, where a
+    column of the file names them."""
     model: Annotated[tuple[Path, ...], Given(repeated=True, metavar="FAMILY")] = ()
     """Family file, or name of a shipped family. May be repeated; the families are then compared, which depends
     on the noise that they assume."""
@@ -138,8 +139,7 @@ def list_people(command: FitCommand, progress: Callable[[str, float], None] = la
     count = 0
     for i, row in enumerate(rows):
         columns = (row["column"],) if row.get("column") else command.columns
-        key = row["person"], row.get("group", ""), row.get("condition", "")
-        recording = *key, os.path.abspath(base / row["file"]), *columns
+        recording = row["person"], row.get("condition", ""), os.path.abspath(base / row["file"]), *columns
         if recording in listed:
             raise FitError(f"{command.table or row['file']}: {row['file']} is given twice for {row['person']}")
         listed.add(recording)
@@ -148,10 +148,14 @@ def list_people(command: FitCommand, progress: Callable[[str, float], None] = la
         count += len(trials)
         if count > MOST:
             raise FitError(f"{base / row['file']}: the recordings hold more than {MOST} trials; fit them in parts")
+        if command.table is not None and len({one.person for one in trials}) > 1:
+            raise FitError(f"{base / row['file']}: holds several people; give it instead of --table")
         for one in trials:
+            person = row["person"] if command.table is not None else one.person or row["person"]
+            key = person, row.get("group", ""), row.get("condition") or one.condition
             if (other := same.setdefault((key, sha256(one.cop.tobytes()).digest()), row["file"])) != row["file"]:
                 raise FitError(f"{base / row['file']}: holds the same values as {other}; a copy is no further trial")
-        found.setdefault(key, []).extend((row["file"], one) for one in trials)
+            found.setdefault(key, []).append((row["file"], one))
         progress("reading recordings", (i + 1) / len(rows))
     return [
         Subject(

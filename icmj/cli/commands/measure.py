@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import pi
 from pathlib import Path
@@ -72,25 +73,32 @@ class MeasureCommand(Command):
         """Print the measures of sway in logs or a file."""
         from icmj.errors import DataError
         from icmj.log.selection import find_logs
+        from icmj.series.long_table import label_of, labels_of
 
         if (self.torque is None) != (self.weight is None):
             raise DataError("--torque and --weight go together: the centre of pressure is torque over weight")
-        found = [(path, *_measure_file(path, self, err)) for path in find_logs([self.file], RESULTS)]
+        found = [
+            (path, *measured) for path in find_logs([self.file], RESULTS) for measured in _measure_file(path, self, err)
+        ]
         if self.json:
-            records = [{**plain_sway(sway), "notices": notes} for _, sway, notes in found]
+            records = [
+                {**labels_of(sway.series.facts), **plain_sway(sway), "notices": notes} for _, sway, notes in found
+            ]
             out.show(records[0] if len(records) == 1 else records)
             return
         for path, sway, notes in found:
             filtered = "" if sway.low_pass is None else f", low-pass {sway.low_pass:g} Hz"
-            show_sway(sway, f"{path.name}: {sway.duration:.6g} s at {sway.rate:.6g} Hz{filtered}", out)
+            title = ", ".join(filter(None, (path.name, label_of(sway.series))))
+            show_sway(sway, f"{title}: {sway.duration:.6g} s at {sway.rate:.6g} Hz{filtered}", out)
             for note in notes:
                 out.note(note)
 
 
-def _measure_file(path: Path, command: MeasureCommand, err: Terminal) -> tuple[Sway, tuple[str, ...]]:
+def _measure_file(path: Path, command: MeasureCommand, err: Terminal) -> list[tuple[Sway, tuple[str, ...]]]:
+    """The sway in a log or a file, with notes; of each trial, where there are several."""
     from icmj.errors import DataError
     from icmj.measurement.measures import find_measure, list_options
-    from icmj.measurement.sway import from_torque, measure_sway
+    from icmj.series.long_table import label_of
     from icmj.work.own_code import Code
 
     further = [find_measure(name, Code(Path.cwd(), command.allow_code)) for name in command.measure]
@@ -98,30 +106,43 @@ def _measure_file(path: Path, command: MeasureCommand, err: Terminal) -> tuple[S
     options: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
 
     with Working(f"measuring {path.name}", err):
-        series, notes = _read_signals(path, command)
-        # a log is in SI units; of an actuator's own they are not known, and its torque is in N m
-        unit = command.unit or ("N m" if command.torque is not None and path.suffix == ".rrd" else "")
-        series = replace(series, units=tuple(own or unit for own in series.units))
-        if command.torque is not None and command.weight is not None:
-            if not series.units[series.place(command.torque)]:
-                raise DataError(f"{path}: {command.torque} has no unit; say it with --unit, such as 'N m' or 'N mm'")
-            series = from_torque(series, command.torque, command.weight)
-        if len(series.names) > MOST and not command.json:
-            some = ", ".join(series.names[:4])
-            raise DataError(f"{path}: {len(series.names)} signals ({some}, ...); name up to {MOST} by --columns")
-        try:
-            sway = measure_sway(series, low_pass=command.low_pass, measures=further, **options)
-        except DataError as error:
-            raise DataError(f"{path}: {error}") from error
-    return sway, (*notes, *sway.series.remarks)
+        found = []
+        for series, notes in _read_signals(path, command):
+            where = ", ".join(filter(None, (str(path), label_of(series))))
+            try:
+                sway = _measure_series(series, command, path.suffix == ".rrd", further, options)
+            except DataError as error:
+                raise DataError(f"{where}: {error}") from error
+            found.append((sway, (*notes, *sway.series.remarks)))
+    return found
 
 
-def _read_signals(path: Path, command: MeasureCommand) -> tuple[Series, tuple[str, ...]]:
+def _measure_series(
+    series: Series, command: MeasureCommand, log: bool, measures: Sequence[Any], options: Mapping[str, Any]
+) -> Sway:
+    """The sway in one series, whose columns without a unit have that of the command."""
+    from icmj.errors import DataError
+    from icmj.measurement.sway import from_torque, measure_sway
+
+    # a log is in SI units; of an actuator's own they are not known, and its torque is in N m
+    unit = command.unit or ("N m" if command.torque is not None and log else "")
+    series = replace(series, units=tuple(own or unit for own in series.units))
+    if command.torque is not None and command.weight is not None:
+        if not series.units[series.place(command.torque)]:
+            raise DataError(f"{command.torque} has no unit; say it with --unit, such as 'N m' or 'N mm'")
+        series = from_torque(series, command.torque, command.weight)
+    if len(series.names) > MOST and not command.json:
+        some = ", ".join(series.names[:4])
+        raise DataError(f"{len(series.names)} signals ({some}, ...); name up to {MOST} by --columns")
+    return measure_sway(series, low_pass=command.low_pass, measures=measures, **options)
+
+
+def _read_signals(path: Path, command: MeasureCommand) -> list[tuple[Series, tuple[str, ...]]]:
     """The series to be measured, from a log or a file, evenly sampled for a log or with a rate; and notes."""
     from icmj.errors import DataError
     from icmj.series.even_rows import resample_series
     from icmj.series.plausibility import note_oddities
-    from icmj.series.reading import cut_rows, read_series
+    from icmj.series.reading import cut_rows, read_long_table
 
     columns = command.columns if command.torque is None else (*command.columns, command.torque)
     if path.suffix == ".rrd":
@@ -137,10 +158,10 @@ def _read_signals(path: Path, command: MeasureCommand) -> tuple[Series, tuple[st
         ground = result.simulation.pressure
         moving = () if ground is None else tuple(f"cop.{axis}" for axis in ground.axes)
         series = series.chosen(columns or moving or [name for name in series.names if name.startswith("y.")])
-        return replace(series, facts={k: v for k, v in series.facts.items() if k != "resampled"}), notes
-    series = read_series(path, columns=columns, rate=command.rate, since=command.since, until=command.until)
-    series = note_oddities(series)
-    return (series if command.rate is None else resample_series(series, command.rate)), ()
+        return [(replace(series, facts={k: v for k, v in series.facts.items() if k != "resampled"}), notes)]
+    read = read_long_table(path, columns=columns, rate=command.rate, since=command.since, until=command.until)
+    noted = map(note_oddities, read)
+    return [(one if command.rate is None else resample_series(one, command.rate), ()) for one in noted]
 
 
 def show_sway(sway: Sway, title: str, out: Terminal) -> None:

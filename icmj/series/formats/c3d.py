@@ -161,7 +161,7 @@ def group_for(groups: Sequence[Group], columns: Sequence[str]) -> Group:
     return Group(first.kind, names, units, first.rate, first.start, np.column_stack(values), odd=odd)
 
 
-def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
+def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> tuple[Series, ...]:
     group = group_for(read_groups(path), columns)
     expect_names_differ(group.names)
     if group.values.size > MOST_NUMBERS:
@@ -171,4 +171,4 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
     facts = {"odd": group.odd} if group.odd else {}
     if np.isnan(group.values[:, centres]).any():
         facts["load"] = f"below {LEAST_LOAD:g} N a plate has no centre of pressure"
-    return Series(t, group.values, group.names, group.units, facts)
+    return (Series(t, group.values, group.names, group.units, facts),)

@@ -20,6 +20,7 @@ from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.columns import choose_columns, name_and_unit
 from icmj.series.csv_table import HEAD, LONGEST_LINE, TableForm, find_form, list_missing_words
+from icmj.series.long_table import find_labels
 from icmj.series.series import Series
 from icmj.series.units import canonicalise
 
@@ -32,18 +33,21 @@ MOST_LINE = 1_000_000  # bytes
 PART = 8_000_000  # bytes of a file that are looked at together
 
 
-def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
+def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> tuple[Series, ...]:
+    import pyarrow as pa
+
     if (mark := file.read(2)) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
         file = io.BytesIO((mark + file.read()).decode("utf-16", errors="replace").encode())
     file.seek(0)
     form = find_form(b"".join(islice(iter(lambda: file.readline(LONGEST_LINE + 1), b""), HEAD)))
     if len(form.headers) > MOST_COLUMNS:
         raise DataError(f"{len(form.headers)} columns; expected at most {MOST_COLUMNS}")
-    numeric = [i for i, number in enumerate(form.numeric) if number]
     headers = [header or f"column {i + 1}" for i, header in enumerate(form.headers)]
-    left = [f"{headers[i]}, which is text" for i in form.texts]
+    labels = find_labels(headers, columns)
+    numeric = [i for i, number in enumerate(form.numeric) if number and i not in labels]
+    left = [f"{headers[i]}, which is text" for i in form.texts if i not in labels]
     for i, words in form.faults.items():
-        if i in form.texts and not columns:
+        if i in form.texts and i not in labels and not columns:
             raise DataError(f"{headers[i]}: {words!r} is no number; write the unit in the name")
     units = [_one_unit(*of) for of in zip(headers, form.units, form.cell_units, strict=True)]
     choice = choose_columns(
@@ -56,19 +60,22 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
     # a blank line ends, too; rows may be fewer, not more
     data = choice.room(max(map(sum, zip(*ends, strict=True)), default=0) + 1)
     file.seek(form.offset)
-    count, cut = 0, ""
+    count, cut, named = 0, "", [list[pa.Array]() for _ in labels]
     for text in _parts(file):
         if text.strip() and not text.endswith((b"\n", b"\r")) and form.ends_midway(text):
             cut = "left out: the last line, which ends midway"
             break
         form.refuse_thousands(text)
-        rows = _numbers(text, form, chosen)
+        rows, cells = _read_rows(text, form, chosen, tuple(labels))
         if count + len(rows) > len(data):  # lines ended in both ways
             raise DataError("mixed line endings; save the file with one kind of line ending")
         data[count : count + len(rows)] = rows
         count += len(rows)
-    series = choice.to_series(data[:count])
-    return replace(series, facts={**series.facts, "cut": cut}) if cut else series
+        for known, more in zip(named, cells, strict=True):
+            known += more.chunks
+    told = [(topic, pa.chunked_array(known, pa.string())) for topic, known in zip(labels.values(), named, strict=True)]
+    *before, last = choice.to_trials(data[:count], told)
+    return (*before, replace(last, facts={**last.facts, "cut": cut}) if cut else last)
 
 
 def _one_unit(header: str, below: str, behind: str) -> str:
@@ -92,14 +99,16 @@ def _parts(file: BinaryIO) -> Iterator[bytes]:
     yield rest
 
 
-def _numbers(text: bytes, form: TableForm, chosen: Sequence[int]) -> Array:
+def _read_rows(
+    text: bytes, form: TableForm, chosen: Sequence[int], labels: Sequence[int]
+) -> tuple[Array, list[pa.ChunkedArray]]:
+    """The numbers of the chosen columns, shape (N, chosen), and the cells of labels, as text."""
     import pyarrow as pa
     import pyarrow.csv as pc
 
-    types = {str(i): pa.string() if form.cell_units[i] else pa.float64() for i in chosen}
-
+    types = {str(i): pa.string() if form.cell_units[i] or i in labels else pa.float64() for i in (*chosen, *labels)}
     if not text.strip():
-        return np.empty((0, len(chosen)))
+        return np.empty((0, len(chosen))), [pa.chunked_array([], pa.string()) for _ in labels]
     text = form.clean(text)
     try:
         table = pc.read_csv(
@@ -117,7 +126,8 @@ def _numbers(text: bytes, form: TableForm, chosen: Sequence[int]) -> Array:
                 decimal_point=form.decimal,
             ),
         )
-        return np.column_stack([_without_unit(table[str(i)], form.cell_units[i], form.decimal) for i in chosen])
+        numbers = [_without_unit(table[str(i)], form.cell_units[i], form.decimal) for i in chosen]
+        return np.column_stack(numbers), [table[str(i)] for i in labels]
     except pa.ArrowInvalid as error:
         raise DataError(f"not a table of numbers after line {form.first} ({one_line(error, 160)})") from error
 

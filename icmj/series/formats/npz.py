@@ -12,26 +12,35 @@ import numpy as np
 from icmj.base.npz import iterate_npz, read_npz, read_npz_headers
 from icmj.errors import DataError
 from icmj.series.columns import MOST_NUMBERS, choose_columns
+from icmj.series.long_table import find_labels
 from icmj.series.series import Series
 
 SUFFIXES = (".npz",)
 _MOST_WORDS = 10_000_000  # bytes of names and units
+_MOST_LABELS = 200_000_000  # bytes of what names trials
 
 
-def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
+def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> tuple[Series, ...]:
+    import pyarrow as pa
+
     try:
         headers = read_npz_headers(path)
         told = read_npz(path, _MOST_WORDS, ("names", "units")) if "names" in headers else {}
         if any(texts.dtype.kind not in "US" for texts in told.values()):
             raise DataError("names and units are not arrays of text")
         kept = {name: one for name, one in headers.items() if name not in ("names", "units", "facts")}
+        labels = {list(kept)[at]: topic for at, topic in find_labels(list(kept), columns).items()}
+        cells = read_npz(path, _MOST_LABELS, tuple(labels)) if labels else {}
+        kept = {name: one for name, one in kept.items() if name not in labels}
         shapes = {name: shape for name, (shape, kind) in kept.items() if kind.kind in "fiu" and shape}
         several = [name for name, shape in shapes.items() if len(shape) == 2 and shape[1] > 1]
         if several:
             raise DataError(f"{several[0]} has shape {shapes[several[0]]}; save each column under a name of its own")
         vectors = [name for name, shape in shapes.items() if shape[1:] in ((), (1,))]
         left = [f"{name}, which is no vector of numbers" for name in kept if name not in vectors]
-        lengths = {headers[name][0][0] for name in vectors}
+        lengths = {headers[name][0][0] for name in vectors} | {
+            one.shape[0] if one.ndim == 1 else -1 for one in cells.values()
+        }
         if len(lengths) != 1:
             raise DataError("expected one-dimensional arrays of numbers, all of the same length")
         names, texts = (told.get(key, np.zeros(0, str)).astype(str).ravel().tolist() for key in ("names", "units"))
@@ -45,7 +54,8 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
         raise
     except ValueError as error:
         raise DataError(str(error)) from error
-    return choice.to_series(data)
+    marks = [(topic, pa.chunked_array([cells[name].astype(str)])) for name, topic in labels.items()]
+    return choice.to_trials(data, marks)
 
 
 def write(series: Series, part: Path) -> None:

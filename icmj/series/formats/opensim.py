@@ -92,10 +92,10 @@ def read_header(lines: Iterable[bytes]) -> Header:
     )
 
 
-def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
+def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None) -> tuple[Series, ...]:
     header = read_header(islice(iter(lambda: file.readline(LONGEST_LINE + 1), b""), LINES + 1))
     file.seek(0)
-    series: Series = FORMATS[FORMATS.names[0]].read(path, file, columns, rate)
-    if header.rows is not None and header.rows != len(series):
-        raise DataError(f"{len(series)} rows where its header says {header.rows}; was it cut short?")
-    return replace(series, units=tuple(map(header.unit_of, series.names)))
+    trials: tuple[Series, ...] = FORMATS[FORMATS.names[0]].read(path, file, columns, rate)
+    if header.rows is not None and header.rows != (rows := sum(map(len, trials))):
+        raise DataError(f"{rows} rows where its header says {header.rows}; was it cut short?")
+    return tuple(replace(one, units=tuple(map(header.unit_of, one.names))) for one in trials)

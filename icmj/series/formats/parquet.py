@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from icmj.base.parquet import refuse_fatal
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.columns import choose_columns
+from icmj.series.long_table import find_labels
 from icmj.series.series import SETTLED, Series
 
 if TYPE_CHECKING:
@@ -22,9 +24,10 @@ if TYPE_CHECKING:
 SUFFIXES = (".parquet",)
 BUFFER = 8_000_000  # bytes
 ROWS = 100_000  # read at a time
+_INDEX = re.compile(r"__index_level_\d+__")  # an index without a name, as pandas writes it
 
 
-def read(path: Path, source: BinaryIO, columns: Sequence[str], rate: float | None) -> Series:
+def read(path: Path, source: BinaryIO, columns: Sequence[str], rate: float | None) -> tuple[Series, ...]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -36,8 +39,14 @@ def read(path: Path, source: BinaryIO, columns: Sequence[str], rate: float | Non
         with pq.ParquetFile(source, pre_buffer=False, buffer_size=BUFFER) as file:
             every = list(file.schema_arrow)
             settled = f"icmj.{SETTLED}".encode() in (file.schema_arrow.metadata or {})
-            good = [i for i, f in enumerate(every) if _holds_numbers(f.type)]
-            left = [f"{f.name}, which is of type {f.type}" for i, f in enumerate(every) if i not in good]
+            labels = find_labels([f.name for f in every], columns)
+            indexes = [i for i, f in enumerate(every) if _INDEX.fullmatch(f.name) and f.name not in columns]
+            good = [i for i, f in enumerate(every) if _holds_numbers(f.type) and i not in (*labels, *indexes)]
+            left = [
+                f"{f.name}, which is of type {f.type}"
+                for i, f in enumerate(every)
+                if i not in (*good, *labels, *indexes)
+            ] + [f"{every[i].name}, which counts rows in pandas" for i in indexes]
             fields = [every[i] for i in good]
             if not fields:
                 raise DataError("no column of numbers")
@@ -45,17 +54,23 @@ def read(path: Path, source: BinaryIO, columns: Sequence[str], rate: float | Non
             units = ["s" if pa.types.is_temporal(f.type) else unit for f, unit in zip(fields, units, strict=True)]
             choice = choose_columns([f.name for f in fields], units, columns, rate, left)
             names = [f.name for f in every]  # two may have one name
-            chosen = [(names[good[i]], names[: good[i]].count(names[good[i]])) for i in choice.at]
-            data, count = choice.room(file.metadata.num_rows), 0
+            chosen = [(names[i], names[:i].count(names[i])) for i in (*(good[i] for i in choice.at), *labels)]
+            data, count, cells = choice.room(file.metadata.num_rows), 0, [list[pa.Array]() for _ in labels]
             for batch in file.iter_batches(ROWS, columns=list({name for name, _ in chosen}), use_threads=False):
-                for i, (name, which) in enumerate(chosen):
-                    column = batch.column(batch.schema.get_all_field_indices(name)[which])
+                found = [batch.column(batch.schema.get_all_field_indices(name)[which]) for name, which in chosen]
+                for i, column in enumerate(found[: len(choice.at)]):
                     data[count : count + len(batch), i] = _to_numbers(column)
+                for known, column in zip(cells, found[len(choice.at) :], strict=True):
+                    known.append(column.cast(pa.string()))
                 count += len(batch)
+            told = [
+                (topic, pa.chunked_array(known, pa.string()))
+                for topic, known in zip(labels.values(), cells, strict=True)
+            ]
     except (pa.ArrowException, OSError, IndexError) as error:
         raise DataError(f"not a Parquet file that can be read ({one_line(error, 160)})") from error
-    series = choice.to_series(data[:count])
-    return replace(series, facts={**series.facts, SETTLED: ""}) if settled else series
+    trials = choice.to_trials(data[:count], told)
+    return tuple(replace(one, facts={**one.facts, SETTLED: ""}) for one in trials) if settled else trials
 
 
 def _holds_numbers(kind: pa.DataType) -> bool:
