@@ -349,7 +349,14 @@ def _concept(shades: concept.Shades, narrow: bool) -> Picture:
     )
 
 
-_PANELS = ("panels", "panel", "loci", "output_panel", "interval_panel", "phase_panel", "mode_panel", "style")
+_PANELS = (
+    *(
+        f"panels/{name}"
+        for name in ("modulus", "locus", "outputs_over_time", "phase_plane", "open_loop_intervals", "critical_mode")
+    ),
+    *(f"axes/{name}" for name in ("eigenvalues", "outputs", "phase", "intervals", "modes")),
+    *("panel", "sheet", "style"),
+)
 PICTURES: dict[str, Picture] = {
     "concept-light.svg": _concept(concept.LIGHT, False),
     "concept-dark.svg": _concept(concept.DARK, False),
@@ -359,7 +366,7 @@ PICTURES: dict[str, Picture] = {
     "moving-still.png": _moving(still=True),
     "cycle.png": Picture(
         draw_cycle,
-        ("runs/three-link-0.9.toml", "models/three_link.xml", "icmj/report/phase_panel.py", "icmj/report/style.py"),
+        ("runs/three-link-0.9.toml", "models/three_link.xml", "icmj/report/axes/phase.py", "icmj/report/style.py"),
     ),
     "muscles.png": Picture(
         draw_muscles,

@@ -30,7 +30,7 @@ class Shelf:
         name: name of the file that is added.
         source: that file.
         works: a program that succeeds if the added thing works.
-        refused: a program that succeeds if what is malformed is refused in one line.
+        refused: a program that succeeds if what is malformed is refused in one line; empty where no user enters one.
         rest: a program that succeeds if the package works without the thing ``sys.argv[1]``.
         alone: whether no other code holds the name of a thing.
     """
@@ -995,9 +995,72 @@ for words in (["cases"], ["linearise", "pendulum"], ["analyse", "simple-0.8"], [
         says(*words)
 """,
 )
+REPORTED = """
+import re, sys, icmj
+import numpy as np
+from pathlib import Path
+from icmj.report.builder import build_report
+quiet = icmj.load_run("simple-0.8").with_(**{"simulation.duration": 12.0, "simulation.timestep": None})
+noisy = quiet.with_(**{"case.name": "noisy", "case.title": "Noisy", "simulation.disturbance": [
+    {"kind": "gaussian", "output": "angle", "size": 3e-4, "interval": 0.01, "seed": 1}]})
+results = [icmj.run_case(run, "linear", study=run is quiet) for run in (quiet, noisy)]
+def build(*results, **more):
+    build_report(results, Path("out/page.html"), **more)
+    return Path("out/page.html").read_text(encoding="utf-8")
+"""
+PANELS = Shelf(
+    "report/panels",
+    "distance",
+    '''"""Panel (j): the size of the state against time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from icmj.report import style
+from icmj.report.case_runs import CaseRuns
+from icmj.report.panel import Panel
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def _draw(case: CaseRuns) -> Figure:
+    figure, (axes,) = style.new_figure()
+    for plant, result in case.runs.items():
+        run = result.simulation
+        axes.semilogy(run.t, np.linalg.norm(run.x, axis=1), label=style.NAME[plant], **style.RUN[plant])
+    axes.set(xlabel="$t$ (s)", ylabel="size of the state")
+    style.link("time", axes)
+    style.legend(figure, axes)
+    return figure
+
+
+PANEL = Panel("j", _draw, lambda case: "Size of the state over time.", lambda case: not case.first.simulation.noisy)
+''',
+    REPORTED
+    + """
+page = build(*results)
+assert page.count("(j) Size of the state over time.") == 1 and "panel (j). Size of the state" in page
+assert {path.name for path in Path("out/page_figures").glob("*_j.*")} == {"simple-0.8_j.svg", "simple-0.8_j.pdf"}
+""",
+    "",
+    REPORTED
+    + """
+letters = {"modulus": "a", "locus": "b", "outputs_over_time": "c", "phase_plane": "d", "open_loop_intervals": "e",
+           "critical_mode": "f", "hold_error": "i"}  # the others are of actuators with limits, and of a floor
+page = build(*results)
+assert set(re.findall(r"<p>[(](\\w)[)] ", page)) == set("abcdefi") - {letters.get(sys.argv[1])}
+icmj.plots.panels(results[0])
+""",
+    alone=True,
+)
 SHELVES = {
     "formats of recordings": FORMATS, "shapes": SHAPES, "event rules": RULES, "controllers": CONTROLLERS,
     "kinds of experiments": KINDS, "measures of sway": MEASURES, "commands": COMMANDS,
+    "panels of the report": PANELS,
 }  # fmt: skip
 
 
@@ -1043,7 +1106,8 @@ def add(place: Path, shelf: Shelf) -> None:
         text.replace(last := f'        "{names_of(shelf)[-1]}",\n', f'{last}        "{shelf.name}",\n'), "utf-8"
     )
     execute(place, shelf.works)
-    execute(place, shelf.refused)
+    if shelf.refused:
+        execute(place, shelf.refused)
 
 
 def take_away(place: Path, shelf: Shelf, name: str) -> None:

@@ -17,11 +17,14 @@ from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.trigger import Continuous
 from icmj.linear.run import simulate
 from icmj.plant.linear_plant import LinearPlant, transformation
+from icmj.report.panels import PANELS
 from icmj.simulation.pressure import Pressure
 
 MODELS = Path(__file__).parents[1] / "models"
 NAMES = {"states": ("hinge", "hinge_rate"), "inputs": ("torque",), "outputs": ("angle",), "output_units": ("rad",)}
 PENDULUM = LinearPlant([[0, 1], [1, 0]], [[0], [1]], [[1, 0]], **NAMES)
+BY_LETTER = {panel.letter: panel for panel in PANELS.collect("PANEL")}
+PAPER_PANELS = tuple(BY_LETTER[letter] for letter in "abcdef")  # which every case has
 
 # case: title, the paper's figure, its Δ_crit, λ and cycle
 CASES = {

@@ -20,12 +20,13 @@ from icmj.base.text import one_line
 from icmj.errors import ReportError
 from icmj.report import style
 from icmj.report.case_runs import CaseRuns
+from icmj.report.panels import PANELS
 from icmj.report.sections import Picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from icmj.report.panels import Panel
+    from icmj.report.panel import Panel
 
 
 _LINKED = re.compile(rb"<dc:description>([^<]*)<")
@@ -45,9 +46,7 @@ class Drawing:
 
 def panels_of(case: CaseRuns) -> list[tuple[Panel, Drawing]]:
     """The panels that a case has."""
-    from icmj.report.panels import MORE, PANELS
-
-    title, shown = case.first.run.title, (*PANELS, *(panel for panel in MORE if panel.there(case)))
+    title, shown = case.first.run.title, (panel for panel in PANELS.collect("PANEL") if panel.applies(case))
     return [
         (panel, Drawing(f"{case.name}_{panel.letter}", f"{title}, panel ({panel.letter})", partial(panel.draw, case)))
         for panel in shown
@@ -56,7 +55,7 @@ def panels_of(case: CaseRuns) -> list[tuple[Panel, Drawing]]:
 
 def law_of(case: CaseRuns) -> Drawing | None:
     """The amplitude law, where it was measured."""
-    from icmj.report.law_figure import law_figure
+    from icmj.report.axes.law import law_figure
 
     measured = next((result for result in reversed(case.runs.values()) if result.law is not None), None)
     if measured is None:

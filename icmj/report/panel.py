@@ -1,4 +1,4 @@
-"""A panel of a case: its letter, its drawing and its caption, kept together."""
+"""A panel of a case: its letter, what draws it, what describes it, and which cases have it."""
 
 from __future__ import annotations
 
@@ -7,15 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from icmj.report import style
+from icmj.report.case_runs import CaseRuns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-from icmj.report.case_runs import CaseRuns
-
-SHOWN = 8  # intervals at the end of a run
-LEAST = 1e-16  # relative error that is drawn of what agrees to the last digit
 
 
 @dataclass(frozen=True)
@@ -23,16 +18,16 @@ class Panel:
     """One of the panels of a case.
 
     Attributes:
-        letter: (a) to (f) are the paper's.
+        letter: of its own; (a) to (f) are the paper's.
         drawing: draws it from the runs of a case, without its letter.
         caption: describes it in words.
-        there: whether a case has it; the paper's six are drawn of every case.
+        applies: whether a case has it; the paper's six are drawn of every case.
     """
 
     letter: str
     drawing: Callable[[CaseRuns], Figure]
     caption: Callable[[CaseRuns], str]
-    there: Callable[[CaseRuns], bool] = lambda case: True
+    applies: Callable[[CaseRuns], bool] = lambda case: True
 
     def draw(self, case: CaseRuns) -> Figure:
         """The figure, with the letter on it."""

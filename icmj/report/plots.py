@@ -29,18 +29,20 @@ from icmj.errors import ReportError
 from icmj.experiments.reconstruction import Reconstruction
 from icmj.experiments.refractoriness import Refractoriness
 from icmj.measurement.sway import Sway
-from icmj.report import law_figure, loci, noise_figures
+from icmj.report import noise_figures
+from icmj.report.axes.eigenvalues import draw_locus, draw_modulus, draw_scale
+from icmj.report.axes.hold_error import draw_hold_error
+from icmj.report.axes.inputs import acting_inputs, draw_acting
+from icmj.report.axes.intervals import draw_interval_errors, draw_intervals
+from icmj.report.axes.law import draw_law
+from icmj.report.axes.modes import draw_critical, draw_mode_errors, draw_norm, draw_others
+from icmj.report.axes.outputs import draw_output
+from icmj.report.axes.phase import draw_phase
+from icmj.report.axes.pressure import draw_pressure, pressed_axes
 from icmj.report.case_runs import CaseRuns, pair
 from icmj.report.findings import draw_reactions, draw_reconstruction
-from icmj.report.hold_error_panel import draw_hold_error
-from icmj.report.input_panel import acting_inputs, draw_acting
 from icmj.report.interval_curve import draw_curve
-from icmj.report.interval_panel import draw_interval_errors, draw_intervals
 from icmj.report.maps import draw_basins, draw_validity
-from icmj.report.mode_panel import draw_critical, draw_mode_errors, draw_norm, draw_others
-from icmj.report.output_panel import draw_output
-from icmj.report.phase_panel import draw_phase
-from icmj.report.pressure_panel import draw_pressure, pressed_axes
 from icmj.report.style import Journal, journal
 from icmj.report.sway_figures import draw_diffusion, draw_path, draw_spectra
 
@@ -94,15 +96,15 @@ def panels(*results: Result, settings: Journal | None = None, letters: bool = Tr
 
 def modulus(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """(a) Largest |λ| of φ(Δ_ol) for the actual plant and for an exact model; points: growth measured under a clock."""
-    return _panel(loci.draw_modulus, axes, results, legend)
+    return _panel(draw_modulus, axes, results, legend)
 
 
 def locus(axes: Axes, *results: Result, scale: bool = True, legend: bool = True) -> Axes:
     """(b) Eigenvalues of φ and the unit circle for increasing Δ_ol; ``scale`` adds a colour scale right of the axes."""
     case = _case(results)
-    loci.draw_locus(axes, case)
+    draw_locus(axes, case)
     if scale:
-        loci.draw_scale(axes.inset_axes((1.04, 0, 0.036, 1)), case)
+        draw_scale(axes.inset_axes((1.04, 0, 0.036, 1)), case)
     return _legend(axes, legend)
 
 
@@ -172,7 +174,7 @@ def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> Axes:
         raise ReportError(
             f"case {case.name!r} has no amplitude law; run it with --study, or see icmj.experiments.measure_law"
         )
-    law_figure.draw_law(axes, found.law, threshold_unit(found))
+    draw_law(axes, found.law, threshold_unit(found))
     return _legend(axes, legend)
 
 

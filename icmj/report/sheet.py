@@ -8,9 +8,13 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from icmj.report import interval_panel, loci, mode_panel, output_panel, style
+from icmj.report import style
+from icmj.report.axes.eigenvalues import draw_locus, draw_modulus, draw_scale
+from icmj.report.axes.intervals import draw_intervals
+from icmj.report.axes.modes import draw_critical, draw_norm, draw_others
+from icmj.report.axes.outputs import draw_output
+from icmj.report.axes.phase import draw_phase
 from icmj.report.case_runs import CaseRuns
-from icmj.report.phase_panel import draw_phase
 from icmj.report.style import Journal
 
 MOST = 4  # outputs in panel (c)
@@ -39,11 +43,11 @@ def draw_sheet(case: CaseRuns, settings: Journal, letters: bool) -> Sheet:
     """Panels (a) to (f) in three rows of two, each with its legend above its axes."""
     outputs = min(case.last.actual.n_y, MOST)
     drawn: tuple[Callable[[SubFigure], list[Axes]], ...] = (
-        lambda place: _single(place, case, loci.draw_modulus),
+        lambda place: _single(place, case, draw_modulus),
         lambda place: _locus(place, case),
         lambda place: _outputs(place, case, outputs),
         lambda place: _single(place, case, draw_phase),
-        lambda place: _single(place, case, interval_panel.draw_intervals),
+        lambda place: _single(place, case, draw_intervals),
         lambda place: _modes(place, case),
     )
     rows = (1.0, 1.0 + 0.15 * (outputs - 1), 1.0)
@@ -65,25 +69,25 @@ def _single(place: SubFigure, case: CaseRuns, draw: Callable[[Axes, CaseRuns], N
 
 def _locus(place: SubFigure, case: CaseRuns) -> list[Axes]:
     axes = place.subplots()
-    loci.draw_locus(axes, case)
-    loci.draw_scale(axes.inset_axes((1.04, 0, 0.036, 1)), case)
+    draw_locus(axes, case)
+    draw_scale(axes.inset_axes((1.04, 0, 0.036, 1)), case)
     return [axes]
 
 
 def _outputs(place: SubFigure, case: CaseRuns, count: int) -> list[Axes]:
     stack = list(place.subplots(count, sharex=True, squeeze=False)[:, 0])
     for i, axes in enumerate(stack):
-        output_panel.draw_output(axes, case, i)
+        draw_output(axes, case, i)
         axes.set_xlabel("$t$ (s)" if axes is stack[-1] else "")
     return stack
 
 
 def _modes(place: SubFigure, case: CaseRuns) -> list[Axes]:
     if case.prediction.V_inv is None:
-        return _single(place, case, mode_panel.draw_norm)
+        return _single(place, case, draw_norm)
     critical, others = place.subplots(2, sharex=True)
-    mode_panel.draw_critical(critical, case)
-    mode_panel.draw_others(others, case)
+    draw_critical(critical, case)
+    draw_others(others, case)
     critical.set_xlabel("")
     return [critical, others]
 

@@ -6,11 +6,10 @@ from html.parser import HTMLParser
 from xml.etree import ElementTree
 
 import pytest
-from report_cases import CASES, result, run_text, whole_report
+from report_cases import CASES, PAPER_PANELS, result, run_text, whole_report
 
 from icmj import build_report, parse_run
 from icmj.errors import ReportError
-from icmj.report.panels import PANELS
 
 pytestmark = pytest.mark.slow  # every figure of every case is drawn
 
@@ -72,7 +71,7 @@ def test_page_needs_no_network(report, page):
 
 
 def test_every_panel_of_every_case_is_in_the_page_with_words(page):
-    assert len(page.images) == len(CASES) * len(PANELS) + 2  # the overview, and one amplitude law
+    assert len(page.images) == len(CASES) * len(PAPER_PANELS) + 2  # the overview, and one amplitude law
     for image in page.images:
         assert len(image["alt"]) > 20
         assert image["src"].startswith("data:image/svg+xml;base64,")
@@ -115,7 +114,7 @@ def test_nothing_but_page_and_figures_is_left(report):
 
 def test_figures_go_where_told(tmp_path):
     build_report([result("exact")], tmp_path / "r.html", figures=tmp_path / "elsewhere")
-    assert len(list((tmp_path / "elsewhere").iterdir())) == 2 * (len(PANELS) + 2)
+    assert len(list((tmp_path / "elsewhere").iterdir())) == 2 * (len(PAPER_PANELS) + 2)
     assert not (tmp_path / "r_figures").exists()
 
 
@@ -126,7 +125,9 @@ def test_a_failure_leaves_the_old_page_alone(tmp_path, monkeypatch):
     def fail(case):
         raise RuntimeError("no panel")
 
-    monkeypatch.setattr("icmj.report.panels.PANELS", (*PANELS[:-1], replace(PANELS[-1], drawing=fail)))
+    monkeypatch.setattr(
+        "icmj.report.panels.PAPER_PANELS", (*PAPER_PANELS[:-1], replace(PAPER_PANELS[-1], drawing=fail))
+    )
     with pytest.raises(RuntimeError, match="no panel"):
         build_report([result("b0.8")], out)
     assert out.read_text() == "old"

@@ -11,7 +11,7 @@ from icmj.case.result import AmplitudeLaw
 from icmj.controller.rules.box import BoxTrigger
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.report import style
-from icmj.report.law_figure import law_figure
+from icmj.report.axes.law import law_figure
 
 Q_T = np.array([1e-2, 1e-3, 1e-4])
 

@@ -6,7 +6,7 @@ from functools import cache
 import pytest
 from log_cases import assert_same
 from matplotlib.figure import Figure
-from report_cases import result
+from report_cases import PAPER_PANELS, result
 
 from icmj import Result, build_report, measure, parse_run, statistics
 from icmj.case.comparison import compare, to_json
@@ -20,7 +20,6 @@ from icmj.report import sections
 from icmj.report.case_runs import pair, shown_interval
 from icmj.report.noise_figures import draw_histogram
 from icmj.report.noise_table import estimate
-from icmj.report.panels import PANELS
 from icmj.report.sections import Picture
 
 PICTURE = Picture("a", "data:", "a")
@@ -79,7 +78,7 @@ def test_where_noise_acts_and_no_cycle_is_predicted_no_prediction_is_drawn() -> 
     for found, drawn in ((noisy(), True), (free, False)):
         case = pair([found])[0]
         assert (shown_interval(case) is not None) == drawn
-        captions = {panel.letter: panel.caption(case) for panel in PANELS}
+        captions = {panel.letter: panel.caption(case) for panel in PAPER_PANELS}
         assert ("Δ_crit" in captions["e"]) == drawn
         assert ("γ" in captions["f"]) == drawn
         axes = Figure().add_subplot()

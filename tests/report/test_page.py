@@ -10,9 +10,7 @@ from pathlib import Path
 
 import pytest
 from report_browser import CHROMIUM, chromium
-from report_cases import CASES, whole_report
-
-from icmj.report.panels import PANELS
+from report_cases import CASES, PAPER_PANELS, whole_report
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -68,7 +66,7 @@ def test_the_page_at(report, tmp_path, width, scheme):
     assert found["clipped"] == []
     assert found["over"] == []
     assert found["tables"] > 10
-    assert len(found["images"]) == len(CASES) * len(PANELS) + 2
+    assert len(found["images"]) == len(CASES) * len(PAPER_PANELS) + 2
     overview = found["images"].pop(0)
     assert overview["complete"]
     assert overview["ink"] > 150

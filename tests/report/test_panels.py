@@ -6,21 +6,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from report_cases import CASES, result, run_text
+from report_cases import BY_LETTER, CASES, PAPER_PANELS, result, run_text
 from scipy.linalg import expm
 
 from icmj import parse_run
 from icmj.case.motion import latter_part, reduce_state
 from icmj.case.noise import spread_about
 from icmj.linear.run import simulate
-from icmj.report import panels, style
+from icmj.report import style
+from icmj.report.axes import LAST_INTERVALS
+from icmj.report.axes.eigenvalues import shown_locus
 from icmj.report.case_runs import CaseRuns, pair
-from icmj.report.loci import shown_locus
-from icmj.report.panel import SHOWN, Panel
+from icmj.report.panel import Panel
 from icmj.simulation.pressure import Pressure
 
 DEG = np.rad2deg(1)
-PANELS = {panel.letter: panel for panel in panels.PANELS}
 # what each caption speaks of, panel by panel, and no other does
 SUBJECTS = ("Largest", "unit circle", "^Outputs? under", "Velocity", "^Open-loop interval Δ_ol that", "mode|Norm")
 
@@ -77,9 +77,9 @@ def assert_legible(figure):
 
 
 @pytest.mark.parametrize("name", CASES)
-@pytest.mark.parametrize("letter", PANELS)
+@pytest.mark.parametrize("letter", "abcdef")
 def test_every_panel_of_every_case_is_whole_and_legible(name, letter):
-    figure = PANELS[letter].draw(case(name))
+    figure = BY_LETTER[letter].draw(case(name))
     assert_legible(figure)
     assert figure.get_size_inches()[0] * 25.4 == pytest.approx(85)
     for axes in figure.axes:
@@ -89,16 +89,16 @@ def test_every_panel_of_every_case_is_whole_and_legible(name, letter):
 
 @pytest.mark.parametrize("name", CASES)
 def test_every_panel_has_its_own_letter_and_caption(name):
-    assert [panel.letter for panel in panels.PANELS] == list("abcdef")
-    captions = [panel.caption(case(name)) for panel in panels.PANELS]
+    assert [panel.letter for panel in PAPER_PANELS] == list("abcdef")
+    captions = [panel.caption(case(name)) for panel in PAPER_PANELS]
     assert len(set(captions)) == len(captions)
-    for panel, caption, subject in zip(panels.PANELS, captions, SUBJECTS, strict=True):
+    for panel, caption, subject in zip(PAPER_PANELS, captions, SUBJECTS, strict=True):
         assert re.search(subject, caption), panel.letter
         assert caption.endswith(".")
         assert sum(bool(re.search(other, caption)) for other in SUBJECTS) == 1
 
 
-@pytest.mark.parametrize("panel", panels.PANELS, ids=lambda panel: panel.letter)
+@pytest.mark.parametrize("panel", PAPER_PANELS, ids=lambda panel: panel.letter)
 def test_the_letter_on_a_panel_is_its_own(panel):
     letters = [text.get_text() for text in panel.draw(case("b0.8", "linear")).texts]
     assert letters == [f"({panel.letter})"]
@@ -120,17 +120,17 @@ def pressed(found):
 
 def test_a_case_has_the_further_panels_that_it_has_something_for():
     found = result("three-link", "mujoco")
-    acting, pressure, _ = panels.MORE
+    acting, pressure = BY_LETTER["g"], BY_LETTER["h"]
     plain = pair([found])[0]
-    assert not acting.there(plain)
-    assert not pressure.there(plain)
+    assert not acting.applies(plain)
+    assert not pressure.applies(plain)
     u = found.simulation.u
     most = np.quantile(np.abs(u), 0.9)
     facts = {**found.simulation.precision, "saturated_share": 0.1}
     cut = replace(found, simulation=replace(found.simulation, applied=np.clip(u, -most, most), precision=facts))
     both = pair([pressed(result("three-link")), pressed(cut)])[0]
-    assert acting.there(both)
-    assert pressure.there(both)
+    assert acting.applies(both)
+    assert pressure.applies(both)
     figure = acting.draw(both)
     assert_legible(figure)
     assert len(figure.axes) == int((np.abs(u).max(axis=0) > most).sum())
@@ -147,20 +147,20 @@ def test_a_case_has_the_further_panels_that_it_has_something_for():
 
 
 def test_a_run_under_noise_has_its_hold_error_beside_the_predicted_orbit_with_its_spread():
-    panel, quiet = panels.MORE[-1], result("b1.2")
-    assert not panel.there(pair([quiet])[0])
+    panel, quiet = BY_LETTER["i"], result("b1.2")
+    assert not panel.applies(pair([quiet])[0])
     noise = '[[simulation.disturbance]]\nkind = "gaussian"\noutput = "angle"\nsize = 3e-4\ninterval = 0.01\nseed = 1\n'
     run = parse_run(run_text("b1.2") + noise)
     simulation = simulate(quiet.actual, quiet.controller, run.simulation.settings())
     case = pair([replace(quiet, run=run, simulation=simulation)])[0]
-    assert panel.there(case)
+    assert panel.applies(case)
     figure = panel.draw(case)
     assert_legible(figure)
     (axes,) = figure.axes
     assert {text.get_text() for text in figure.legends[0].get_texts()} == {"± 2 SD", "predicted", "linear", "threshold"}
     drawn = [line.get_xydata() for line in axes.lines if line.get_color() == style.RUN["linear"]["color"]]
-    assert len(drawn) == SHOWN
-    last = simulation.events.interval[-SHOWN:]
+    assert len(drawn) == LAST_INTERVALS
+    last = simulation.events.interval[-LAST_INTERVALS:]
     for line_of_run, interval in zip(drawn, last, strict=True):
         np.testing.assert_allclose(line_of_run[[0, -1]], [[0, 0], [interval, 1]], atol=1e-9)
     predicted = line(axes, "predicted")
@@ -183,26 +183,26 @@ def test_a_run_under_noise_has_its_hold_error_beside_the_predicted_orbit_with_it
 
 def test_a_panel_without_a_caption_cannot_be():
     with pytest.raises(TypeError, match="caption"):
-        Panel("g", PANELS["f"].drawing)
+        Panel("g", BY_LETTER["f"].drawing)
 
 
 @pytest.mark.parametrize("name", ["b0.8", "exact"])
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
-@pytest.mark.parametrize("letter", PANELS)
+@pytest.mark.parametrize("letter", "abcdef")
 def test_one_plant_alone_is_drawn_too(name, plant, letter):
-    assert len(style.save(PANELS[letter].draw(case(name, plant)), "svg")) > 5000
+    assert len(style.save(BY_LETTER[letter].draw(case(name, plant)), "svg")) > 5000
 
 
-@pytest.mark.parametrize("letter", PANELS)
+@pytest.mark.parametrize("letter", "abcdef")
 def test_a_run_without_events_is_drawn_too(letter):
     found, events = result("b0.8"), result("b0.8").simulation.events
     none = replace(events, **{k: getattr(events, k)[:0] for k in ("t", "x", "x_o", "x_h", "y_max", "y_min")})
     quiet = replace(found.measurement, kind="no events", p=None, period=None, interval=None, intervals=np.zeros(0))
     runs = pair([replace(found, simulation=replace(found.simulation, events=none), measurement=quiet)])
-    assert style.save(PANELS[letter].draw(runs[0]), "pdf").startswith(b"%PDF")
+    assert style.save(BY_LETTER[letter].draw(runs[0]), "pdf").startswith(b"%PDF")
 
 
-@pytest.mark.parametrize("letter", PANELS)
+@pytest.mark.parametrize("letter", "abcdef")
 @pytest.mark.parametrize("name", ["b0.8", "exact"])
 def test_a_diverged_run_is_drawn_up_to_where_it_is_finite(name, letter):
     found = result(name)
@@ -212,13 +212,13 @@ def test_a_diverged_run_is_drawn_up_to_where_it_is_finite(name, letter):
         values[-3:-1], values[-1] = np.inf, np.nan
     lost = replace(found.measurement, kind="growth", p=None, period=None, intervals=np.zeros(0))
     with np.errstate(invalid="ignore"):
-        figure = PANELS[letter].draw(pair([replace(found, simulation=replace(s, **broken), measurement=lost)])[0])
+        figure = BY_LETTER[letter].draw(pair([replace(found, simulation=replace(s, **broken), measurement=lost)])[0])
         assert_legible(figure)
 
 
 def test_a_passes_through_one_at_delta_crit():
     runs = case("b0.8")
-    axes = PANELS["a"].draw(runs).axes[0]
+    axes = BY_LETTER["a"].draw(runs).axes[0]
     delta, largest = line(axes, r"$\rho=1$").T
     assert np.interp(1.8065408, delta, largest) == pytest.approx(1, abs=1e-3)
     # ρ = 0: the separation principle; φ has the eigenvalues of e^{Â_cΔ} and e^{Â_oΔ}
@@ -233,7 +233,7 @@ def test_a_passes_through_one_at_delta_crit():
 
 def test_b_marks_the_eigenvalues_at_delta_crit():
     runs = case("b1.7")
-    axes = PANELS["b"].draw(runs).axes[0]
+    axes = BY_LETTER["b"].draw(runs).axes[0]
     assert line(axes, r"$\lambda_{crit}=-1$")[0] == pytest.approx([-1, 0], abs=1e-6)
     all_of_them = line(axes, r"all $\lambda_j$ at $\Delta_{crit}$")
     assert sorted(np.hypot(*all_of_them.T))[-1] == pytest.approx(1.20, abs=5e-3)  # notes, section 4
@@ -251,7 +251,7 @@ def test_b_starts_at_one():
 def test_c_is_in_degrees_with_events_and_clipped_to_the_intermittent_run():
     found = result("b0.8")
     wild = replace(found, continuous=replace(found.continuous, y=found.continuous.y * 1e6))
-    axes = PANELS["c"].draw(pair([wild])[0]).axes[0]
+    axes = BY_LETTER["c"].draw(pair([wild])[0]).axes[0]
     assert line(axes, "linear") == pytest.approx(np.column_stack([found.simulation.t, found.simulation.y[:, 0] * DEG]))
     assert axes.get_ylim()[1] < 1.2 * np.abs(found.simulation.y).max() * DEG
     events = [segment[0, 0] for segment in axes.collections[0].get_segments()]
@@ -259,13 +259,13 @@ def test_c_is_in_degrees_with_events_and_clipped_to_the_intermittent_run():
 
 
 def test_c_has_one_axes_for_each_output():
-    axes = PANELS["c"].draw(case("three-link")).axes
+    axes = BY_LETTER["c"].draw(case("three-link")).axes
     assert [item.get_ylabel() for item in axes] == ["shank (deg)", "thigh (deg)", "trunk (deg)"]
 
 
 def test_d_shows_the_orbit_under_the_measured_cycle():
     runs = case("b1.2")
-    axes = PANELS["d"].draw(runs).axes[0]
+    axes = BY_LETTER["d"].draw(runs).axes[0]
     predicted, measured = line(axes, "predicted"), line(axes, "linear")
     nearest = [np.hypot(*(predicted - point).T).min() for point in measured[::10]]
     assert max(nearest) < 0.02 * np.abs(predicted).max()
@@ -275,7 +275,7 @@ def test_d_shows_the_orbit_under_the_measured_cycle():
 
 def test_e_has_every_interval_and_delta_crit():
     events = result("b0.8").simulation.events
-    axes = PANELS["e"].draw(case("b0.8", "linear")).axes[0]
+    axes = BY_LETTER["e"].draw(case("b0.8", "linear")).axes[0]
     assert line(axes, "linear") == pytest.approx(np.column_stack([events.t, events.interval]))
     dotted = next(item for item in axes.get_lines() if "Delta_{crit}" in item.get_label())
     assert dotted.get_ydata()[0] == pytest.approx(1.8065, abs=1e-4)
@@ -284,7 +284,7 @@ def test_e_has_every_interval_and_delta_crit():
 @pytest.mark.parametrize("name", ["b0.8", "b1.2", "neglected"])
 def test_f_meets_gamma_at_events_where_the_others_vanish(name):
     found = result(name)
-    critical, others, *_ = PANELS["f"].draw(case(name, "linear")).axes
+    critical, others, *_ = BY_LETTER["f"].draw(case(name, "linear")).axes
     gamma = found.prediction.gamma
     chi, rest = line(critical, "linear"), others.get_lines()[-1].get_xydata()
     for t in found.simulation.events.t[-4:]:
@@ -300,7 +300,7 @@ def test_f_meets_gamma_at_events_where_the_others_vanish(name):
 
 
 def test_f_draws_the_norm_where_chi_is_undefined():
-    figure = PANELS["f"].draw(case("exact"))
+    figure = BY_LETTER["f"].draw(case("exact"))
     assert len(figure.axes) == 1
     assert figure.axes[0].get_yscale() == "log"
     assert "undefined" in figure.axes[0].get_ylabel()
@@ -310,7 +310,7 @@ def test_f_draws_the_norm_where_chi_is_undefined():
 
 
 def test_saved_figures_repeat_to_the_byte_and_name_no_time():
-    first, second = (style.save(PANELS["e"].draw(case("b0.8")), "svg") for _ in range(2))
+    first, second = (style.save(BY_LETTER["e"].draw(case("b0.8")), "svg") for _ in range(2))
     assert first == second
     assert not re.search(rb"<dc:date>", first)
     assert not re.search(rb"http://(?!www\.w3\.org|purl\.org|creativecommons\.org)", first)
@@ -319,33 +319,33 @@ def test_saved_figures_repeat_to_the_byte_and_name_no_time():
 def test_a_announces_points_only_where_there_are_some():
     found = case("b0.8", "linear")
     without = pair([replace(found.first, growth=None)])[0]
-    caption = panels.PANELS[0].caption
+    caption = BY_LETTER["a"].caption
     assert "Points" in caption(found)
     assert "Points" not in caption(without)
 
 
 def test_strips_beneath_e_and_f_show_how_far_the_last_interval_is_from_the_prediction():
     found = case("b1.2", "linear", "mujoco")
-    strip = panels.PANELS[4].draw(found).axes[1]
+    strip = BY_LETTER["e"].draw(found).axes[1]
     intervals = found.first.simulation.events.interval
     points = {line.get_label(): line.get_ydata() for line in strip.get_lines()}
     expected = np.maximum(np.abs(intervals - found.prediction.delta_crit) / found.prediction.delta_crit, 1e-16)
     np.testing.assert_allclose(points["linear"], expected, rtol=1e-6, atol=1e-15)
     assert points["linear"][-1] < 1e-9 < points["linear"][1]
-    modes = panels.PANELS[5].draw(found).axes[2].get_lines()[0].get_ydata()
+    modes = BY_LETTER["f"].draw(found).axes[2].get_lines()[0].get_ydata()
     assert np.max(modes) < 1e-6  # on the cycle |χ_k1| is γ at events
-    assert "Beneath" in panels.PANELS[4].caption(found)
+    assert "Beneath" in BY_LETTER["e"].caption(found)
     # no cycle, nothing to depart from
     other = case("b1.7", "linear")
-    assert len(panels.PANELS[4].draw(other).axes) == 1
-    assert "Beneath" not in panels.PANELS[4].caption(other)
+    assert len(BY_LETTER["e"].draw(other).axes) == 1
+    assert "Beneath" not in BY_LETTER["e"].caption(other)
 
 
 def test_names_of_several_inputs_stand_clear_of_each_other():
     found = result("three-link")
     simulation = found.simulation
     limited = replace(simulation, applied=0.9 * simulation.u)
-    figure = panels.MORE[0].draw(pair([replace(found, simulation=limited)])[0])
+    figure = BY_LETTER["g"].draw(pair([replace(found, simulation=limited)])[0])
     figure.canvas.draw()
     assert len(figure.axes) == 3
     labels = [axes.yaxis.get_label() for axes in figure.axes] + [axes.texts[0] for axes in figure.axes]
@@ -361,7 +361,7 @@ def test_d_leaves_a_gap_where_the_rate_of_an_output_jumps_with_the_command():
     y = np.column_stack([found.simulation.y[:, 0], found.simulation.x[:, 1]])
     alone = replace(found.prediction, orbit=None)
     both = replace(found, actual=rate, simulation=replace(found.simulation, y=y), prediction=alone)
-    (axes,) = PANELS["d"].drawing(pair([both])[0]).axes
+    (axes,) = BY_LETTER["d"].drawing(pair([both])[0]).axes
     position, velocity = (line for line in axes.lines if len(line.get_xdata()) > 50)
     late = found.simulation.events.t >= latter_part(found.simulation, 8)[0]
     assert np.isfinite(position.get_ydata()).all()
@@ -371,12 +371,12 @@ def test_d_leaves_a_gap_where_the_rate_of_an_output_jumps_with_the_command():
 def test_d_parts_the_outputs_of_a_run_under_noise():
     quiet = case("three-link", "linear")
     driven = replace(quiet.first, simulation=replace(quiet.first.simulation, noisy=True))
-    figure = panels.PANELS[3].draw(CaseRuns("three-link", {"linear": driven}))
+    figure = BY_LETTER["d"].draw(CaseRuns("three-link", {"linear": driven}))
     assert_legible(figure)
-    together = panels.PANELS[3].draw(quiet).axes[0]
+    together = BY_LETTER["d"].draw(quiet).axes[0]
     assert len(figure.axes) == 3
     drawn = [curve.get_xydata() for axes in figure.axes for curve in axes.get_lines()]
     assert len(drawn) == len(together.get_lines())
     for mine, theirs in zip(drawn, together.get_lines(), strict=True):
         np.testing.assert_array_equal(mine, theirs.get_xydata())
-    assert "one output in each" in panels.PANELS[3].caption(CaseRuns("three-link", {"linear": driven}))
+    assert "one output in each" in BY_LETTER["d"].caption(CaseRuns("three-link", {"linear": driven}))

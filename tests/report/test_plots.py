@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from report_cases import result, swaying
+from report_cases import BY_LETTER, result, swaying
 
 import icmj
 from icmj import Delay, Noise, statistics
@@ -15,7 +15,6 @@ from icmj.errors import ReportError
 from icmj.linear.run import simulate
 from icmj.report import style
 from icmj.report.case_runs import pair
-from icmj.report.panels import PANELS
 
 PLOTS = icmj.plots
 BOTH = ("linear", "mujoco")
@@ -50,7 +49,7 @@ def contents(axes):
 def test_it_draws_what_the_report_shows_and_nowhere_else(function, name):
     results = [result(name, plant) for plant in BOTH]
     letter, place = OF_PANELS[function]
-    expected = next(panel for panel in PANELS if panel.letter == letter).draw(pair(results)[0]).axes[place]
+    expected = BY_LETTER[letter].draw(pair(results)[0]).axes[place]
     figure, left, right = axes_of_mine()
     getattr(PLOTS, function)(right, *results)
     assert not left.has_data()

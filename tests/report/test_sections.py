@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_cases import CASES, PENDULUM, design_of, everything, result, run_text
+from report_cases import CASES, PAPER_PANELS, PENDULUM, design_of, everything, result, run_text
 
 import icmj
 from icmj import LinearPlant, Settings, SwitchingPD, parse_run
@@ -19,7 +19,6 @@ from icmj.report.builder import render_page
 from icmj.report.case_runs import pair
 from icmj.report.experiment import Row, experiment_page
 from icmj.report.overview import overview_figure
-from icmj.report.panels import PANELS
 from icmj.report.rivals import rivals
 from icmj.study.kinds.double_step import DoubleStepTable
 from icmj.study.kinds.quiet_standing import QuietStandingTable
@@ -137,7 +136,7 @@ def test_a_confidence_interval_stands_in_one_cell():
 def test_no_caption_speaks_of_light_and_dark():
     """On a dark page light and dark change places, and hues stay: "shades darken" was not so."""
     for one in pair(everything()):
-        for panel in PANELS:
+        for panel in PAPER_PANELS:
             assert not re.search(r"dark|light|pale|shade|black|white", panel.caption(one))
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_cases import result
+from report_cases import BY_LETTER, result
 
 from icmj import Settings, error_system
 from icmj.case.laid_orbit import lay_orbit
@@ -13,7 +13,6 @@ from icmj.case.result import Result
 from icmj.linear.run import simulate
 from icmj.log.groups import list_groups
 from icmj.report.case_runs import pair
-from icmj.report.panels import PANELS
 
 CYCLES = ["b0.8", "b1.2", "three-link", "neglected"]  # b1.2 is mirrored; neglected has n = 4, n̂ = 2
 
@@ -113,7 +112,7 @@ def test_viewer_and_report_lay_it_alike(x_part: float, observer_part: float) -> 
     start = found.simulation.events.t[-1]
     series = next(group for group in list_groups(found) if group.path == "outputs/predicted")
     in_viewer = series.values[np.searchsorted(series.t, start), 0]
-    axes = next(panel for panel in PANELS if panel.letter == "d").draw(pair([found])[0]).axes[0]
+    axes = BY_LETTER["d"].draw(pair([found])[0]).axes[0]
     curve = next(line for line in axes.get_lines() if line.get_label() == "predicted")
     assert np.deg2rad(curve.get_xdata()[0]) == pytest.approx(in_viewer, rel=1e-6)
 

@@ -1,4 +1,4 @@
-"""Panel (i): the hold error from event to event under noise, beside the predicted orbit and its spread."""
+"""The hold error from event to event in axes, beside the predicted orbit and its spread."""
 
 from __future__ import annotations
 
@@ -12,26 +12,18 @@ from icmj.case.laid_orbit import beside
 from icmj.case.noise import spread_about
 from icmj.errors import IcmjError, ReportError
 from icmj.report import style
+from icmj.report.axes import LAST_INTERVALS
 from icmj.report.case_runs import CaseRuns, compares
-from icmj.report.panel import SHOWN, Panel
 from icmj.theory.orbit import Orbit
 from icmj.theory.spread import Spread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from icmj.case.result import PredictedResult
 
 
 WITHIN = 2  # SD that the band around the predicted hold error has on either side
-
-
-def _draw_hold_error_panel(case: CaseRuns) -> Figure:
-    figure, (axes,) = style.new_figure()
-    draw_hold_error(axes, case)
-    style.legend(figure, axes)
-    return figure
 
 
 def draw_hold_error(axes: Axes, case: CaseRuns) -> None:
@@ -42,13 +34,13 @@ def draw_hold_error(axes: Axes, case: CaseRuns) -> None:
     Raises:
         ReportError: if no run has a complete interval.
     """
-    drawn = {plant: _hold_errors(result) for plant, result in case.runs.items()}
+    drawn = {plant: list_hold_errors(result) for plant, result in case.runs.items()}
     if not any(drawn.values()):
         raise ReportError(f"case {case.name!r}: no complete interval, over which the hold error could be drawn")
     orbit = beside(case.prediction, case.last.measurement).orbit if compares(case) else None
     if orbit is not None and np.isfinite(orbit.gamma):
         size = _size_of(case.last, orbit.e_hp)
-        if (spread := _spread_about(case, orbit)) is not None:
+        if (spread := predict_spread(case, orbit)) is not None:
             # with a delay the orbit jumps at the action, where the band begins
             middle, off = np.interp(spread.t, orbit.t, size), WITHIN * spread.hold_error
             axes.fill_between(spread.t, np.maximum(middle - off, 0), middle + off, label=f"± {WITHIN} SD", **style.BAND)
@@ -63,12 +55,12 @@ def draw_hold_error(axes: Axes, case: CaseRuns) -> None:
     axes.set_ylim(bottom=0)
 
 
-def _hold_errors(result: PredictedResult) -> list[tuple[Array, Array]]:
+def list_hold_errors(result: PredictedResult) -> list[tuple[Array, Array]]:
     """Times since the event and sizes of the hold error, over each of the last intervals."""
     run, found = result.simulation, []
     events, before = run.events, _size_of(result, run.x_h - run.x_o)
     late = bool(run.delay)  # then the event itself resets nothing
-    for k in range(max(len(events) - 1 - SHOWN, 0), len(events) - 1):
+    for k in range(max(len(events) - 1 - LAST_INTERVALS, 0), len(events) - 1):
         rows = (run.t > events.t[k]) & (run.t < events.t[k + 1])
         first, last = (_size_of(result, events.x_h[i : i + 1] - events.x_o[i : i + 1]) for i in (k, k + 1))
         size = np.concatenate([first if late else 0 * first, before[rows], last])
@@ -82,29 +74,10 @@ def _size_of(result: PredictedResult, e: Array) -> Array:
     return np.sqrt(faces.squares(e @ faces.R.T).max(axis=1))
 
 
-def _spread_about(case: CaseRuns, orbit: Orbit) -> Spread | None:
+def predict_spread(case: CaseRuns, orbit: Orbit) -> Spread | None:
     """The spread about an orbit under the noise of the runs; ``None`` without noise or where none is predicted."""
     if not case.last.simulation.noisy:
         return None
     with suppress(IcmjError):
         return spread_about(case.last, orbit)
     return None
-
-
-def _hold_error_caption(case: CaseRuns) -> str:
-    orbit = beside(case.prediction, case.last.measurement).orbit if compares(case) else None
-    beneath = ""
-    if orbit is not None:
-        beneath = "; black: the predicted orbit"
-        if _spread_about(case, orbit) is not None:
-            beneath += f", with a band of {WITHIN} predicted standard deviations on either side"
-    return (
-        "Size of the hold error, in thresholds, over the time since the event, in each of the last intervals; dotted: "
-        f"the threshold, at which the next event comes{beneath}."
-    )
-
-
-HOLD_ERROR = Panel(
-    "i", _draw_hold_error_panel, _hold_error_caption,
-    lambda case: case.last.simulation.noisy and any(_hold_errors(result) for result in case.runs.values()),
-)  # fmt: skip

@@ -1,4 +1,4 @@
-"""Panel (c): outputs against time."""
+"""One output against time in axes."""
 
 from __future__ import annotations
 
@@ -10,19 +10,10 @@ from icmj.case.laid_orbit import lay_orbit
 from icmj.case.quantity import quantities
 from icmj.report import style
 from icmj.report.case_runs import CaseRuns
-from icmj.report.panel import Panel
 from icmj.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-
-def _draw_outputs(case: CaseRuns) -> Figure:
-    """(c) Outputs of the run and, if it is there, under continuous control against time, with events dotted."""
-    figure = style.each_output(case.last.actual.n_y, lambda axes, i: draw_output(axes, case, i), "$t$ (s)")
-    style.link("time", *figure.axes)
-    return figure
 
 
 def draw_output(axes: Axes, case: CaseRuns, output: int) -> None:
@@ -40,7 +31,7 @@ def draw_output(axes: Axes, case: CaseRuns, output: int) -> None:
         reach = max(reach, float(np.abs(y[np.isfinite(y)]).max(initial=0.0)))
         axes.plot(result.simulation.t, y, label=style.NAME[plant], **style.RUN[plant])
     reach = reach or 1.0
-    if (continuous := _continuous(case)) is not None:
+    if (continuous := find_continuous(case)) is not None:
         y_c = continuous.y[:, output] * shown.factor
         # an unstable continuous controller would flatten everything else
         inside = np.where(np.abs(y_c) < 3 * reach, y_c, np.nan)
@@ -50,17 +41,7 @@ def draw_output(axes: Axes, case: CaseRuns, output: int) -> None:
     axes.set(xlabel="$t$ (s)", ylabel=shown.label(style.words(name) if top.actual.n_y > 1 else "$y$"))
 
 
-def _continuous(case: CaseRuns) -> Simulation | None:
+def find_continuous(case: CaseRuns) -> Simulation | None:
     """The run under continuous control: on MuJoCo if there, else on the linear plant, or none."""
     runs = (result.continuous for result in reversed(case.runs.values()))
     return next((run for run in runs if run is not None), None)
-
-
-def _output_caption(case: CaseRuns) -> str:
-    several = "s" if len(case.first.actual.outputs) > 1 else ""
-    band = " Faint band: predicted range." if case.prediction.cycle else ""
-    beside = ", and under continuous control of the same design (y_c)" if _continuous(case) is not None else ""
-    return f"Output{several} under intermittent control on each plant{beside}; dotted: events.{band}"
-
-
-OUTPUTS = Panel("c", _draw_outputs, _output_caption)

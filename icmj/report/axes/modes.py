@@ -1,4 +1,4 @@
-"""Panel (f): the eigendecomposition χ of x̄ for the latter part of the run."""
+"""The eigendecomposition χ of x̄ in axes, for the last part of the run."""
 
 from __future__ import annotations
 
@@ -13,43 +13,14 @@ from icmj.case.laid_orbit import lay_orbit
 from icmj.case.motion import latter_part, modes, reduce_state
 from icmj.errors import ReportError
 from icmj.report import style
+from icmj.report.axes import LEAST_ERROR
 from icmj.report.case_runs import CaseRuns, compares
-from icmj.report.panel import LEAST, Panel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 SHOWN_MODES = 6  # intervals
-
-
-def _draw_mode_panel(case: CaseRuns) -> Figure:
-    """(f) χ_k1 and the norm of the other elements of χ against time, events and ±γ dotted.
-
-    Where χ is undefined (no Δ_crit), the norm of x̄ is drawn instead.
-    """
-    if case.prediction.V_inv is None:
-        figure, (axes,) = style.new_figure()
-        draw_norm(axes, case)
-        style.link("time", axes)
-        style.legend(figure, axes)
-        return figure
-    settles = case.prediction.cycle and not case.first.simulation.noisy
-    if settles:
-        figure, stack = style.new_figure(style.MIDDLE, shares=(1.2, 1.2, 1))
-        draw_mode_errors(stack[2], case)
-    else:
-        figure, stack = style.new_figure(rows=2)
-    critical, others = stack[:2]
-    draw_critical(critical, case)
-    draw_others(others, case)
-    for axes in stack[:-1]:
-        axes.set_xlabel("")
-    figure.align_ylabels(stack)
-    style.link("time", *stack)
-    style.legend(figure, critical)
-    return figure
 
 
 def draw_critical(axes: Axes, case: CaseRuns) -> None:
@@ -90,7 +61,7 @@ def draw_mode_errors(axes: Axes, case: CaseRuns) -> None:
         events = result.simulation.events
         late = is_between(events.t, start, end)
         chi = modes(result, reduce_state(result, events.x[late], events.x_o[late], events.x_h[late]))[:, 0]
-        error = np.maximum(np.abs(np.abs(chi) / gamma - 1), LEAST)
+        error = np.maximum(np.abs(np.abs(chi) / gamma - 1), LEAST_ERROR)
         axes.plot(events.t[late], error, linestyle="none", label=style.NAME[plant], **style.MARK[plant])
     style.residual(axes, "rel. error")
     axes.set(xlim=(start, end), xlabel="$t$ (s)")
@@ -126,25 +97,3 @@ def _draw_modes(axes: Axes, case: CaseRuns, part: Callable[[NDArray[np.complex12
     axes.locator_params(axis="y", nbins=4, steps=[1, 2, 5, 10])
     axes.set_xlim(start, end)
     axes.set_xlabel("$t$ (s)")
-
-
-def _modes_caption(case: CaseRuns) -> str:
-    if case.prediction.V_inv is None:
-        return (
-            "Norm of x̄, the states of the plant and the errors of the observer; dotted: events. There is no Δ_crit, so "
-            "the modes χ are undefined."
-        )
-    beneath = ""
-    if case.prediction.cycle and not case.first.simulation.noisy:
-        beneath = " Beneath: relative error of the magnitude of χ_k1 at events with respect to γ."
-    orbit = "" if case.prediction.cycle else f" on the {case.prediction.verdict} orbit of Δ_crit"
-    gamma = (
-        f", and ±γ, the {'predicted ' if not orbit else ''}values of χ_k1 at events{orbit}" if compares(case) else ""
-    )
-    return (
-        "Critical mode χ_k1, the coordinate of the state along the eigenvector of λ_crit, and norm of the other modes "
-        f"in the last part of the run; dotted: events{gamma}.{beneath}"
-    )
-
-
-MODES = Panel("f", _draw_mode_panel, _modes_caption)

@@ -1,4 +1,4 @@
-"""The figure of the amplitude law: departures from the linear prediction against the threshold."""
+"""The amplitude law in axes: departures from the linear prediction against the threshold."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Panel (e): open-loop intervals against time."""
+"""Open-loop intervals against time in axes, or their relative errors with respect to Δ_crit."""
 
 from __future__ import annotations
 
@@ -8,33 +8,11 @@ import numpy as np
 
 from icmj.errors import ReportError
 from icmj.report import style
+from icmj.report.axes import LEAST_ERROR
 from icmj.report.case_runs import CaseRuns, shown_interval
-from icmj.report.panel import LEAST, Panel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-
-def _draw_intervals(case: CaseRuns) -> Figure:
-    if not _settles(case):
-        figure, (axes,) = style.new_figure()
-        draw_intervals(axes, case)
-        style.link("time", axes)
-        style.legend(figure, axes)
-        return figure
-    figure, (axes, strip) = style.new_figure(style.MIDDLE, shares=(2.2, 1))
-    draw_intervals(axes, case)
-    draw_interval_errors(strip, case)
-    axes.set_xlabel("")
-    figure.align_ylabels([axes, strip])
-    style.link("time", axes, strip)
-    style.legend(figure, axes)
-    return figure
-
-
-def _settles(case: CaseRuns) -> bool:
-    return case.prediction.cycle and not case.first.simulation.noisy
 
 
 def draw_intervals(axes: Axes, case: CaseRuns) -> None:
@@ -71,19 +49,7 @@ def draw_interval_errors(axes: Axes, case: CaseRuns) -> None:
     for plant, result in case.runs.items():
         events, look = result.simulation.events, dict(style.MARK[plant])
         look["markersize"] *= 0.6
-        error = np.maximum(np.abs(events.interval / delta - 1), LEAST)
+        error = np.maximum(np.abs(events.interval / delta - 1), LEAST_ERROR)
         axes.plot(events.t, error, linestyle="none", label=style.NAME[plant], **look)
     style.residual(axes, "rel. error")
     axes.set(xlim=(0, float(case.last.simulation.t[-1])), xlabel="$t$ (s)")
-
-
-def _interval_caption(case: CaseRuns) -> str:
-    dotted = ""
-    if shown_interval(case) is not None:
-        predicted = "predicted interval Δ_crit" if case.prediction.cycle else "Δ_crit, at which no cycle is predicted"
-        dotted = f"; dotted: {predicted}"
-    beneath = ". Beneath: magnitude of the relative error, |Δ_ol/Δ_crit − 1|" if _settles(case) else ""
-    return f"Open-loop interval Δ_ol that ends at each event{dotted}{beneath}."
-
-
-INTERVALS = Panel("e", _draw_intervals, _interval_caption)

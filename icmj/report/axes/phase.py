@@ -1,4 +1,4 @@
-"""Panel (d): velocity against position for the latter part of the run, over the predicted orbit."""
+"""Velocity against position in axes, for the last part of the run, over the predicted orbit."""
 
 from __future__ import annotations
 
@@ -12,35 +12,13 @@ from icmj.case.laid_orbit import beside, lay_orbit
 from icmj.case.motion import curve, event_rows, latter_part, output_rate
 from icmj.case.quantity import Quantity, quantities
 from icmj.report import style
+from icmj.report.axes import LAST_INTERVALS
 from icmj.report.case_runs import CaseRuns, compares
-from icmj.report.panel import SHOWN, Panel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from icmj.case.result import PredictedResult
-
-
-def _draw_phase_panel(case: CaseRuns) -> Figure:
-    count = case.last.actual.n_y
-    if case.last.simulation.noisy and count > 1:  # on each other they would be a tangle
-        figure, stack = style.new_figure(style.TALL, count)
-        for output, axes in enumerate(stack):
-            draw_phase(axes, case, [output])
-            axes.set_xlabel(axes.get_xlabel() if axes is stack[-1] else "")
-            axes.set_ylabel(
-                quantities(case.last.actual)[output].label(style.words(case.last.actual.outputs[output]), "/s")
-            )
-        figure.align_ylabels(stack)
-        style.link("plane", *stack)
-        style.legend(figure, stack[0])
-        return figure
-    figure, (axes,) = style.new_figure(style.TALL if count > 1 else style.HEIGHT)
-    draw_phase(axes, case)
-    style.link("plane", axes)
-    style.legend(figure, axes)
-    return figure
 
 
 def draw_phase(axes: Axes, case: CaseRuns, chosen: Sequence[int] = ()) -> None:
@@ -49,7 +27,9 @@ def draw_phase(axes: Axes, case: CaseRuns, chosen: Sequence[int] = ()) -> None:
     chosen = chosen or range(len(outputs))
     prediction, laid = case.prediction, lay_orbit(case.last) if compares(case) else None
     units = quantities(case.last.actual)
-    drawn = {plant: curve(result, *latter_part(result.simulation, SHOWN)) for plant, result in case.runs.items()}
+    drawn = {
+        plant: curve(result, *latter_part(result.simulation, LAST_INTERVALS)) for plant, result in case.runs.items()
+    }
     for i in chosen:
         name, shown, first = outputs[i], units[i], i == chosen[0]
         if laid is not None:
@@ -87,7 +67,7 @@ def _label(axes: Axes, name: str, y: float, v: float) -> None:
 
 def _mark_events(axes: Axes, result: PredictedResult, output: int, shown: Quantity, named: bool) -> None:
     simulation = result.simulation
-    start, end = latter_part(simulation, SHOWN)
+    start, end = latter_part(simulation, LAST_INTERVALS)
     rows = event_rows(simulation)
     rows = rows[is_between(simulation.t[rows], start, end)]
     if not len(rows):
@@ -102,11 +82,3 @@ def _mark_events(axes: Axes, result: PredictedResult, output: int, shown: Quanti
         y, v, "o", markersize=3.2, markerfacecolor="white", markeredgecolor="#222222", markeredgewidth=0.8,
         label="at events" if named else None, zorder=5,
     )  # fmt: skip
-
-
-def _phase_caption(case: CaseRuns) -> str:
-    each = ", one output in each" if case.last.simulation.noisy and case.last.actual.n_y > 1 else ""
-    return f"Velocity against position in the last part of the run{each}; circles: states at events."
-
-
-PHASE = Panel("d", _draw_phase_panel, _phase_caption)

@@ -1,4 +1,4 @@
-"""Panels (a) and (b): the eigenvalues of φ(Δ_ol), their largest magnitude and their loci."""
+"""The eigenvalues of φ(Δ_ol) in axes: their largest magnitude against Δ_ol, and their loci."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 from icmj.plant.linear_plant import LinearPlant
 from icmj.report import style
 from icmj.report.case_runs import CaseRuns
-from icmj.report.panel import Panel
 from icmj.theory.error_system import error_system
 from icmj.theory.locus import Locus, follow_locus
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 Spectrum = NDArray[np.complex128]
@@ -24,13 +22,6 @@ Spectrum = NDArray[np.complex128]
 POINTS = 512
 SHADES = 14  # steps of the colour scale of Δ_ol along a locus
 REACH = 1.3  # half height of panel (b): the unit circle and its surroundings
-
-
-def _draw_modulus(case: CaseRuns) -> Figure:
-    figure, (axes,) = style.new_figure()
-    draw_modulus(axes, case)
-    style.legend(figure, axes)
-    return figure
 
 
 def draw_modulus(axes: Axes, case: CaseRuns) -> None:
@@ -59,16 +50,6 @@ def draw_modulus(axes: Axes, case: CaseRuns) -> None:
     top = max(1.15, min(1.6, 1.1 * float(actual.largest.max())))
     axes.set(xlim=(0, actual.delta[-1]), ylim=(0, top))
     axes.set(xlabel=r"$\Delta_{ol}$ (s)", ylabel=r"$\max_j\,|\lambda_j(\varphi)|$")
-
-
-def _draw_locus(case: CaseRuns) -> Figure:
-    figure, (axes,) = style.new_figure()
-    box = axes.get_position()
-    axes.set_position((box.x0, box.y0, box.width * 0.84, box.height))
-    draw_locus(axes, case)
-    draw_scale(figure.add_axes((box.x0 + box.width * 0.875, box.y0, box.width * 0.03, box.height)), case)
-    style.legend(figure, axes)
-    return figure
 
 
 def draw_locus(axes: Axes, case: CaseRuns) -> None:
@@ -160,20 +141,3 @@ def _arrow(axes: Axes, branch: Spectrum, shades: list[tuple[float, ...]], chunks
     shade = shades[next(n for n, chunk in enumerate(chunks) if i <= chunk[-1])]
     look = {"arrowstyle": "-|>", "color": shade, "lw": 0.8, "mutation_scale": 6.5, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (head.real, head.imag), (branch[i].real, branch[i].imag), arrowprops=look)
-
-
-def _modulus_caption(case: CaseRuns) -> str:
-    measured = any(result.growth is not None for result in case.runs.values())
-    points = " Points: growth measured in clock-driven simulations." if measured else ""
-    return (
-        "Largest magnitude of the eigenvalues λ of φ(Δ_ol), which maps the state at one event to the next, against a "
-        f"constant interval Δ_ol; with the changes of the plant (ρ = 1) and without (ρ = 0).{points}"
-    )
-
-
-def _locus_caption(case: CaseRuns) -> str:
-    return "Eigenvalues λ of φ(Δ_ol) near the unit circle, coloured by Δ_ol; arrowheads point towards longer intervals."
-
-
-MODULUS = Panel("a", _draw_modulus, _modulus_caption)
-LOCUS = Panel("b", _draw_locus, _locus_caption)
