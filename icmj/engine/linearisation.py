@@ -121,7 +121,8 @@ def linearise(
             )
         ),
     )
-    plant = replace(plant, B_d=compute_effects(model, point, push_rows(model, columns))[kept])
+    B_d = compute_effects(model, point, push_rows(model, columns))[kept]
+    plant = replace(plant, B_d=B_d, error=IDLE * float(np.abs(plant.A).max(initial=0.0)))
     D = found.D[np.ix_(rows, columns)] * ports.b * ports.g[:, None]
     y = ports.read(found.sensordata)
     return Linearisation(plant, point, y, float(np.abs(found.rate).max()), ports, D)

@@ -122,8 +122,10 @@ class Activation:
             at = last + 1
         none = np.zeros((size - n, plant.n_u))
         pushes = {push: np.append(effect, none[:, 0]) for push, effect in plant.pushes.items()}
-        names = {"states": tuple(states), "state_units": tuple(units)}
-        return replace(plant, A=A, B=B, C=C, B_d=np.vstack([plant.B_d, none]), pushes=pushes, **names)
+        return replace(
+            plant, A=A, B=B, C=C, B_d=np.vstack([plant.B_d, none]), pushes=pushes, states=tuple(states),
+            state_units=tuple(units),
+        )  # fmt: skip
 
 
 def activation_names(of: str, size: int) -> list[str]:

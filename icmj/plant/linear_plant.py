@@ -135,6 +135,7 @@ class LinearPlant:
         B_d: effect of a push of size 1 along each input on the plant itself, shape (n, n_u), independent of the input
             gain; B if it is empty.
         pushes: effects of other pushes of size 1, shape (n,) each.
+        error: what of an entry of A may be an error of differences [1/s]; 0 where each entry is as it is stated.
 
     B may be given as a vector if there is a single input, and C if there is a single output.
 
@@ -153,6 +154,7 @@ class LinearPlant:
     output_units: tuple[str, ...] = ()
     B_d: Array = field(default_factory=lambda: np.zeros((0, 0)), kw_only=True)
     pushes: Mapping[Push, Array] = field(default_factory=dict, kw_only=True)
+    error: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
         A, B, C = (real(M, letter, AnalysisError) for letter, M in zip("ABC", (self.A, self.B, self.C), strict=True))

@@ -14,8 +14,9 @@ from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
-from icmj.base.array import Array, argmax_abs
+from icmj.base.array import Array, argmax_abs, balance
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
 
@@ -60,10 +61,11 @@ def permit(notices: Iterable[Notice], allow: Iterable[str], where: str) -> tuple
     return tuple(dict.fromkeys(result))
 
 
-# of the plant's size: finite differences err by 1e-9, and a double integrator's eigenvalues by the root of that
+# relative: finite differences err by 1e-9, and a double integrator's eigenvalues by the root of that
 _RANK, _NEUTRAL, _SHARE = 1e-7, 1e-4, 0.1
+_ROUNDS = 8  # each halves the decades by which the largest entry of a row or column differs from 1
 IDLE = 1e-8
-"""Largest effect of what affects nothing, relative to the largest entry of A."""
+"""Largest effect of what affects nothing, relative to the largest entry of A, where A is made of differences."""
 
 
 @dataclass(frozen=True)
@@ -81,17 +83,12 @@ class PlantMode:
     @property
     def stable(self) -> bool:
         """Whether the mode decays."""
-        return self.eigenvalue.real < -_NEUTRAL * max(1.0, abs(self.eigenvalue))
+        return self.eigenvalue.real < -_NEUTRAL * abs(self.eigenvalue)
 
 
 def neutral(plant: LinearPlant) -> tuple[PlantMode, ...]:
     """Modes with eigenvalue zero, such as integrators and positions without a preferred value."""
-    values, vectors = np.linalg.eig(plant.A)
-    size = max(1.0, float(np.abs(values).max(initial=0.0)))
-    found = [
-        PlantMode(0j, _names(plant, v)) for λ, v in zip(values, vectors.T, strict=True) if abs(λ) < _NEUTRAL * size
-    ]
-    return tuple(dict.fromkeys(found))
+    return tuple(PlantMode(0j, _names(plant, v)) for v in _find_null(plant.A, plant.C[:0], plant.error).T)
 
 
 def unobservable(plant: LinearPlant) -> tuple[PlantMode, ...]:
@@ -106,10 +103,8 @@ def uncontrollable(plant: LinearPlant) -> tuple[PlantMode, ...]:
 
 def idle(plant: LinearPlant) -> tuple[str, ...]:
     """States on which no rate depends, such as a place on a level floor."""
-    size = np.abs(plant.A).max(initial=0.0)
-    return tuple(
-        name for name, column in zip(plant.states, plant.A.T, strict=True) if np.abs(column).max() < IDLE * size
-    )
+    largest = np.abs(plant.A).max(axis=0)
+    return tuple(name for name, size in zip(plant.states, largest, strict=True) if size <= plant.error)
 
 
 def adrift(plant: LinearPlant, positions: np.ndarray | None = None) -> tuple[str, ...]:
@@ -157,22 +152,77 @@ def _constants(plant: LinearPlant, error: float) -> Array:
 
 
 def _find_hidden(plant: LinearPlant, A: Array, C: Array) -> tuple[PlantMode, ...]:
-    # rows and outputs brought to one size, so that neither units nor a weak input look like a missing rank
-    size = max(1.0, float(np.abs(A).max(initial=0.0)))
-    rows = np.linalg.norm(C, axis=1, keepdims=True)
-    seen = size * C / np.where(rows > 0, rows, 1.0)
-    modes: dict[PlantMode, None] = {}
-    for λ in np.linalg.eigvals(A):
-        if λ.imag < 0:
-            continue
-        _, values, V = np.linalg.svd(np.vstack([A - λ * np.eye(plant.n), seen]))
-        for value, v in zip(values, V.conj(), strict=True):
-            if value < _RANK * size:
-                modes[PlantMode(complex(np.round(λ, 4)) + 0, _names(plant, v))] = None
-    return tuple(modes)
+    """Modes of A that no row of C shows."""
+
+    def null(λ: complex) -> NDArray[np.complex128]:
+        return _find_null(A - λ * np.eye(plant.n), C, plant.error, abs(λ))
+
+    balanced, _ = balance(A)
+    limit, found = _NEUTRAL * np.abs(balanced).max(initial=0.0), list[complex]()
+    for λ in (0j, *np.linalg.eigvals(balanced).astype(complex)):
+        # of several that are one rounding makes a ring, and what it leaves at one is left between two of them, too
+        alike = (other for other in found if abs(λ - other) < limit)
+        if λ.imag >= 0 and not any(_is_within(null(λ), null((λ + other) / 2)) for other in alike):
+            found.append(complex(λ))
+    return tuple(PlantMode(λ, _names(plant, v)) for λ in found for v in null(λ).T)
 
 
-def _names(plant: LinearPlant, vector: np.ndarray) -> tuple[str, ...]:
+def _is_within(V: NDArray[np.complex128], W: NDArray[np.complex128]) -> bool:
+    """Whether W spans each of V, but for shares that are not told."""
+    return not V.size or bool(np.abs(V - W @ np.linalg.pinv(W) @ V).max() < _SHARE)
+
+
+def _find_null(A: Array, C: Array, error: float, rate: float = 0.0) -> NDArray[np.complex128]:
+    """A basis of the v with A v = 0 and C v = 0, in units in which their entries compare, shape (n, r).
+
+    Each v is 1 in a state in which all others are 0, the one with the largest share that is left.
+
+    Args:
+        A: shape (n, n); its diagonal is the difference of something and a number of the size ``rate``.
+        C: shape (c, n).
+        error: of each entry of A; where it is 0, the units of states and rows are chosen by the entries themselves,
+            so that none that the plant is given in decides.
+        rate: [1/s].
+    """
+    C = C[np.abs(C).max(axis=1, initial=0.0) > 0]
+    M = np.vstack([A, C])
+    if error:
+        left, right = np.ones(len(M)), np.ones(len(A))
+        left[: len(A)] = IDLE / error
+        left[len(A) :] = 1 / np.linalg.norm(C, axis=1)
+    else:
+        left, right = _choose_units(np.abs(M) + rate * np.eye(*M.shape))
+    _, values, Vh = np.linalg.svd(left[:, None] * M * right)
+    N = left_over = Vh[int((values > _RANK).sum()) :].conj().T
+    pivots = []
+    for _ in range(N.shape[1]):
+        pivots.append(argmax_abs(np.linalg.norm(left_over, axis=1)))
+        row = left_over[pivots[-1]]
+        left_over = left_over - np.outer(left_over @ row.conj(), row) / (np.linalg.norm(row) ** 2)
+    return np.asarray(N @ np.linalg.inv(N[pivots]), complex)
+
+
+def _choose_units(M: Array) -> tuple[Array, Array]:
+    """Factors of rows and columns of M ≥ 0 that make its entries alike, whatever units it is given in; (m,) and (n,).
+
+    They make the squared logarithms of all entries but zeros least (Curtis, Reid 1972), and then no entry larger
+    than 1.
+    """
+    m = len(M)
+    there = M > 0
+    counts = np.block([[np.diag(there.sum(axis=1)), there], [there.T, np.diag(there.sum(axis=0))]])
+    sizes = np.log(M, out=np.zeros(M.shape), where=there)
+    factors = np.linalg.lstsq(counts, -np.concatenate([sizes.sum(axis=1), sizes.sum(axis=0)]), rcond=None)[0]
+    left, right = np.exp(factors[:m]), np.exp(factors[m:])
+    for _ in range(_ROUNDS):
+        largest = (left[:, None] * M * right).max(axis=1)
+        left = left / np.sqrt(np.where(largest > 0, largest, 1.0))
+        largest = (left[:, None] * M * right).max(axis=0)
+        right = right / np.sqrt(np.where(largest > 0, largest, 1.0))
+    return left, right
+
+
+def _names(plant: LinearPlant, vector: NDArray[np.complex128]) -> tuple[str, ...]:
     share = np.abs(vector)
     return tuple(name for name, part in zip(plant.states, share, strict=True) if part > _SHARE * share.max())
 

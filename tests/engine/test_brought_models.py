@@ -113,3 +113,18 @@ def test_a_brought_model_rests_and_is_linearised_as_the_engine_does(package, nam
     plant = load_plant(brought(package, name), selection=JOINTS, operating=BROUGHT[package][name])
     assert plant.quality.at_rest, plant.quality.residual
     agree(plant, 1e-5)
+
+
+@pytest.mark.parametrize(("name", "free"), [
+    ("cheetah.xml", ("rootx_rate", "rootz_rate", "rooty_rate")),
+    ("humanoid.xml", tuple(f"root.{i}_rate" for i in range(6))),
+    ("manipulator.xml", tuple(f"{what}_{axis}_rate" for what in ("ball", "peg") for axis in "xzy")),
+])  # fmt: skip
+def test_what_no_input_moves_of_a_body_in_the_air_is_its_momentum_in_each_direction(name, free):
+    """Linear and angular momentum are what no joint changes: one mode for each speed of the whole, and no other."""
+    plant = load_plant(brought("dm_control", name), selection=JOINTS)
+    found = [mode for mode in plant.quality.uncontrollable if not mode.stable]
+    assert len(found) == len(free)
+    assert all(mode.eigenvalue == 0 for mode in found)
+    # the mode of a direction has its speed, and no speed of the whole in another one
+    assert sorted(name for mode in found for name in mode.states if name in free) == sorted(free)

@@ -1,11 +1,23 @@
 """Modes and notices of plants whose structure is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
-from icmj.plant.quality import Notice, Quality, Residual, neutral, permit, uncontrollable, unobservable
+from icmj.plant.quality import (
+    Notice,
+    Quality,
+    Residual,
+    dead,
+    idle,
+    neutral,
+    permit,
+    uncontrollable,
+    unobservable,
+)
 
 STATES = ("x", "tilt", "x_rate", "tilt_rate")
 
@@ -38,9 +50,79 @@ def test_hidden_modes_are_found_in_any_coordinates_and_units():
         assert unobservable(plant) == ()
 
 
+def rank(M, N):
+    """The rank of (N, M N, M² N, …), of whole numbers."""
+    from flint import fmpz_mat
+
+    powers = [fmpz_mat(N.tolist())]
+    for _ in M[1:]:
+        powers.append(fmpz_mat(M.tolist()) * powers[-1])
+    return fmpz_mat(np.hstack([np.array(power.tolist()) for power in powers]).tolist()).rank()
+
+
+def in_units(plant, decades, rng):
+    """The plant with states, inputs, outputs and time in other units, and the unit of time."""
+    x, u, y = (10 ** rng.uniform(-decades, decades, size) for size in (plant.n, plant.n_u, plant.n_y))
+    t = 10 ** rng.uniform(-decades, decades)
+    A, B = plant.A * x / x[:, None] * t, plant.B * u / x[:, None] * t
+    return LinearPlant(A, B, plant.C * x / y[:, None]), t
+
+
+def verdicts(plant, t=1.0):
+    """What is said of the modes of a plant, rates in the first unit of time."""
+    modes = {find.__name__: find(plant) for find in (uncontrollable, unobservable, neutral)}
+    said = {
+        of: sorted((mode.states, mode.stable, np.round(mode.eigenvalue / t, 4) + 0) for mode in here)
+        for of, here in modes.items()
+    }
+    return said, idle(plant), dead(plant)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_hidden_modes_are_those_of_exact_ranks_in_any_units(seed):
+    """Plants of small whole numbers and many zeros: Kalman's ranks are exact, and no unit changes what is said."""
+    rng = np.random.default_rng(seed)
+    n, n_u, n_y = rng.integers(1, 8), rng.integers(1, 3), rng.integers(1, 3)
+    share = rng.uniform(0.1, 0.6)
+    A, B, C = (
+        np.where(rng.uniform(size=shape) < part, rng.integers(-3, 4, shape), 0)
+        for shape, part in (((n, n), share), ((n, n_u), 0.4), ((n_y, n), 0.4))
+    )
+    plant = LinearPlant(A, B, C)
+    assert bool(uncontrollable(plant)) == (rank(A, B) < n)
+    assert bool(unobservable(plant)) == (rank(A.T, C.T) < n)
+    assert any(mode.eigenvalue == 0 for mode in neutral(plant)) == (round(np.linalg.det(A)) == 0)
+    for decades in (2, 3, 4):
+        assert verdicts(*in_units(plant, decades, rng)) == verdicts(plant)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_no_unit_changes_what_is_said_of_hidden_modes_in_mixed_coordinates(seed):
+    rng = np.random.default_rng(seed)
+    n, n_u, n_y = rng.integers(2, 9), rng.integers(1, 3), rng.integers(1, 3)
+    A, B, C = rng.normal(size=(n, n)), rng.normal(size=(n, n_u)), rng.normal(size=(n_y, n))
+    A[0, 1:], B[0] = 0, 0  # no input moves the first
+    Q = np.linalg.qr(rng.normal(size=(n, n)))[0]
+    plant = LinearPlant(Q @ A @ Q.T, Q @ B, C @ Q.T)
+    assert [mode.eigenvalue for mode in uncontrollable(plant)] == [pytest.approx(A[0, 0], abs=1e-9)]
+    for decades in (2, 3, 4):
+        assert verdicts(*in_units(plant, decades, rng)) == verdicts(plant)
+
+
+def test_slow_modes_beside_a_neutral_one_are_not_taken_for_it():
+    """A tank that nothing fills, one that empties within hours and one that overflows, beside a rate of 10/s."""
+    plant = LinearPlant(np.diag([0.0, -1e-4, 1e-4, -10]), np.zeros((4, 1)), np.eye(4), ("a", "b", "c", "d"))
+    found = {mode.states: (mode.eigenvalue, mode.stable) for mode in uncontrollable(plant)}
+    assert found == {("a",): (0, False), ("b",): (-1e-4, True), ("c",): (1e-4, False), ("d",): (-10, True)}
+
+
 def test_a_double_integrator_on_noise_is_still_neutral():
     A = np.array([[0, 1.0], [1e-9, 0]])
-    assert neutral(LinearPlant(A, [[0], [1.0]], [[1.0, 0]], ("x", "x_rate")))[0].states[0] == "x"
+    differenced = LinearPlant(A, [[0], [1.0]], [[1.0, 0]], ("x", "x_rate"), error=1e-8)
+    assert [mode.states for mode in neutral(differenced)] == [("x",)]
+    assert idle(differenced) == ("x",)
+    stated = replace(differenced, error=0.0)  # 1e-9/s² as it is stated: two rates of 3e-5/s
+    assert (neutral(stated), idle(stated)) == ((), ())
 
 
 def test_an_error_stops_unless_it_is_allowed():
