@@ -35,7 +35,7 @@ COLUMNS = (
     *("value", "intervals", "states", "y_peak", "y_range", "multipliers", "closure", "graze"),
     *("t", "x", "y", "u", "qpos"),
 )
-_LISTED = ("scale",)
+_LISTED = ("scale", "alternating")
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,8 @@ class Branch:
         closure: relative closure errors, shape (M,).
         graze: highest inner maximum of the event function over the threshold squared, shape (M,).
         neutral: number of multipliers that are ±1 by construction.
-        alternating: whether mirrored cycles are of families; see :class:`icmj.cycle.Cycle`. Then one more is +1.
+        alternating: whether each cycle is a mirrored one of a family; see :class:`icmj.cycle.Cycle`. Then one more is
+            +1. Shape (M,).
         t: times along each cycle from its first event on [s], K times in each interval; shape (M, p K).
         x, y, u: states, outputs and commands at these times, shapes (M, p K, ...).
         qpos: MuJoCo's positions, shape (M, p K, nq); (M, p K, 0) on the linear plant.
@@ -121,7 +122,7 @@ class Branch:
     units: tuple[str, ...]
     specials: tuple[SpecialPoint, ...]
     end: str
-    alternating: bool = False
+    alternating: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.value)
@@ -149,11 +150,11 @@ class Branch:
     @property
     def largest(self) -> Array:
         """Largest magnitude among the multipliers that are not ±1 by construction, shape (M,)."""
-        left = self.multipliers
-        for target, dropped in ((self.sign, self.neutral), (1, int(self.alternating))):
-            kept = np.argsort(np.abs(left - target), axis=1)[:, dropped:]
-            left = np.take_along_axis(left, kept, axis=1)
-        return np.asarray(np.abs(left).max(axis=1, initial=0.0))
+        order = np.argsort(np.abs(self.multipliers - self.sign), axis=1)[:, self.neutral :]
+        left = np.take_along_axis(self.multipliers, order, axis=1)
+        sizes, structural = np.abs(left), np.abs(left - 1).argmin(axis=1)
+        sizes[self.alternating, structural[self.alternating]] = 0.0
+        return np.asarray(sizes.max(axis=1, initial=0.0))
 
     @property
     def attracting(self) -> NDArray[np.bool_]:
@@ -286,7 +287,8 @@ def make_branch(head: dict[str, Any], parts: dict[str, Any]) -> Branch:
         arrays = {name: np.array(s[name], dtype=float) for name in ("state", "intervals", "y_peak")}
         specials.append(SpecialPoint(**{**s, **arrays, "multiplier": complex(*s["multiplier"])}))
     rest: dict[str, Any] = {name: head[name] for name in ("parameter", "plant", "mirrored", "neutral", "end")}
-    rest["alternating"] = head.get("alternating", False)
+    # of a file that says it once, or not at all, it holds for all
+    rest["alternating"] = np.broadcast_to(head.get("alternating", False), parts["value"].shape).astype(bool)
     names: dict[str, Any] = {name: tuple(head[name]) for name in ("outputs", "inputs", "names", "units")}
     run = parse_run(head["run"]["text"], head["run"]["path"]).recall(head["run"].get("changes", {}))
     return Branch(

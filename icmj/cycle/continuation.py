@@ -194,7 +194,7 @@ def join_branch(curve: Curve, walked: Walk, run: RunFile, neutral: int) -> Branc
         closure=np.array([at.closure for at in points]),
         graze=np.array([at.graze for at in points]),
         neutral=neutral,
-        alternating=curve.loop(points[0].sigma).is_alternating(curve.p, curve.sign),
+        alternating=np.array([at.alternating for at in points]),
         t=np.array(t),
         x=laid("x"),
         y=laid("y"),

@@ -42,6 +42,7 @@ class Point:
         samples: of each interval.
         D: derivative of the residual, shape (N, N + 1).
         derived: whether J was computed there, and not interpolated.
+        alternating: whether the cycle is a mirrored one of a family; see :class:`icmj.cycle.Cycle`.
     """
 
     u: Array
@@ -59,6 +60,7 @@ class Point:
     samples: tuple[Sample, ...]
     D: Array
     derived: bool = True
+    alternating: bool = False
 
     @property
     def fallen(self) -> bool:
@@ -113,6 +115,7 @@ def make_point(curve: Curve, found: Correction, tolerance: float | None = None, 
         samples=samples,
         D=D,
         derived=derived,
+        alternating=loop.is_alternating(curve.p, curve.sign),
     )
 
 

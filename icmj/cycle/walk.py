@@ -112,7 +112,6 @@ def walk(
 class _Walker:
     def __init__(self, curve: Curve, first: Point, points: int, neutral: int) -> None:
         self.curve, self.points, self.neutral = curve, [first], neutral
-        self.alternating = curve.loop(first.sigma).is_alternating(curve.p, curve.sign)
         self.specials: list[SpecialPoint] = []
         self.ending: Ending | None = None
         self.longest = 1.0 / points
@@ -239,8 +238,10 @@ class _Walker:
                 self.points[i] = update_derivative(self.curve, self.points[i], trail.derivative(trail.s[i]))
         for i in range(first, last):
             pair = self.points[i : i + 2]
-            before, after = (self.kappas(p) for p in pair)
-            found = [self.crossing(test, i) for test in find_crossed(before, after)]
+            # where a family begins or ends, the multiplier that it has at ±1 leaves the circle, and is no crossing
+            family = any(p.alternating for p in pair)
+            before, after = (self.kappas(p, family) for p in pair)
+            found = [self.crossing(test, i, family) for test in find_crossed(before, after)]
             self.specials += [special for special in found if special is not None]
         self.specials[-5:] = sorted(self.specials[-5:], key=lambda s: s.index)
 
@@ -301,22 +302,22 @@ class _Walker:
         self.trail.derive(len(self.points) - 1, new.D)
         return new
 
-    def kappas(self, at: Point) -> NDArray[np.complex128]:
-        """κ of a point, without those that are ±1 by construction."""
-        return compute_kappas(at.multipliers, self.curve.sign, self.neutral, self.alternating)
+    def kappas(self, at: Point, family: bool) -> NDArray[np.complex128]:
+        """κ of a point, without those that are ±1 by construction, on a family or beside one."""
+        return compute_kappas(at.multipliers, self.curve.sign, self.neutral, family)
 
-    def crossing(self, test: Test, i: int) -> SpecialPoint | None:
+    def crossing(self, test: Test, i: int, family: bool) -> SpecialPoint | None:
         """The special point between point i and the next."""
         curve = self.curve
         left, right = self.points[i : i + 2]
 
         def f(at: Point) -> float:
-            return evaluate_test(test, self.kappas(at))
+            return evaluate_test(test, self.kappas(at, family))
 
         at = locate(left, right, f, lambda part: self.between(i, part), CLOSE)
         if at is None:
             at = left if abs(f(left)) < abs(f(right)) else right
-        kappa = find_critical(test, self.kappas(at))
+        kappa = find_critical(test, self.kappas(at, family))
         if kappa is None:
             return None
         return describe_crossing(curve, test, kappa, at, i, self.turns(i))

@@ -48,7 +48,7 @@ def test_on_a_family_nothing_bifurcates_and_every_cycle_says_that_it_is_one_of_t
     run = load_run(RUNS / "simple-1.2.toml").with_(**changes, **late, **{"actual.gain": 1.3})
     found = follow(run, "b", 1.4, plant=plant, points=4)
     assert found.specials == ()
-    assert found.alternating
+    assert found.alternating.all()
     assert found.attracting.all()
     off = np.abs(found.multipliers - 1).min(axis=1)
     assert (
@@ -59,8 +59,23 @@ def test_on_a_family_nothing_bifurcates_and_every_cycle_says_that_it_is_one_of_t
     assert (alone.attracting, alone.alternating, len(alone.isolated)) == (True, True, 5 if delay else 3)
     assert "one of" in alone.words
     assert found.largest[0] == pytest.approx(np.abs(alone.isolated).max(), abs=1e-4)
-    again = unpack(*pack(found))
-    assert again.alternating
+    np.testing.assert_array_equal(unpack(*pack(found)).alternating, found.alternating)
+
+
+@pytest.mark.parametrize(("start", "end"), [(0.0, 0.04), (0.04, 0.0)])
+@pytest.mark.parametrize("plant", ["linear", pytest.param("mujoco", marks=pytest.mark.slow)])
+def test_a_family_that_a_predicted_delay_ends_is_one_at_no_delay_alone(plant: str, start: float, end: float) -> None:
+    """Each cycle against Newton's at its delay; the multiplier at +1 that leaves the circle at 0 is no bifurcation."""
+    changes = {"design.R_c": 0.01, "design.R_o": 1e-4, "controller.Q_t": "identity", "controller.hold": "zero-order"}
+    run = load_run(RUNS / "simple-1.2.toml").with_(**changes, **{"actual.gain": 1.3})
+    found = follow(run, "delay", end, start_at=start, plant=plant, points=4)
+    np.testing.assert_array_equal(found.alternating, found.value == 0)
+    assert found.alternating.sum() == 1
+    for i in (0, -1):
+        alone = find_cycle(icmj.prepare(find_parameter("delay").put(run, float(found.value[i]))), plant)
+        assert (alone.alternating, alone.attracting) == (found.alternating[i], found.attracting[i])
+        assert found.largest[i] == pytest.approx(np.abs(alone.isolated).max(), abs=1e-4)
+    assert found.specials == ()
 
 
 @pytest.mark.parametrize("plant", ["linear", "mujoco"])
