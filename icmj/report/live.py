@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from icmj.base import VERSION
+from icmj.base.array import Array
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.files import write_text
 from icmj.base.text import one_line
@@ -285,43 +286,46 @@ def _same(model: LinearPlant, plant: LinearPlant) -> bool:
 def _table(
     case: Case, theory: Theory, unit: LinearPlant, delays: list[float], progress: Callable[[float], None]
 ) -> dict[str, Any]:
-    """Predictions by delay and b; the orbit is (x, x_o, x_h) at its event, for the threshold of the run file."""
+    """Predictions by delay and b; states of orbits are (x, x_o, x_h) at the event, for the file's threshold."""
     first, last = (round(round(g / STEP) * STEP, 6) for g in (min(GAINS[0], _gain(case)), max(GAINS[1], _gain(case))))
     gains = sorted({1.0, _gain(case), *(round(b, 6) for b in np.arange(first, last + STEP / 2, STEP))})
     rows: list[list[Any]] = []
+    states: list[Array] = []
     last = case.run.analysis.delta_max
     done, total = 0, len(gains) * len(delays)
     for delay in delays:
         for b in gains:
-            rows.append(_row(theory, replace(unit, B=unit.B * b), Delay(delay), last))
+            row, orbits = _row(theory, replace(unit, B=unit.B * b), Delay(delay), last)
+            rows.append(row)
+            states += orbits
             done += 1
             progress(done / total)
-    n = unit.n + 2 * theory.system.n_hat
-    packed = np.array([row[-1] if row[-1] is not None else np.zeros(n) for row in rows], dtype="<f4")
     return {
         "gains": gains,
         "last": last,
-        "rows": [row[:-1] for row in rows],
-        "orbits": base64.b64encode(packed.tobytes()).decode(),
+        "rows": rows,
+        "states": base64.b64encode(np.array(states, dtype="<f4").tobytes()).decode(),
     }
 
 
-def _row(theory: Theory, plant: LinearPlant, delay: Delay, last: float) -> list[Any]:
-    """Δ_crit [s], λ, whether a cycle is predicted, its largest multiplier, what is not known, and its state.
+def _row(theory: Theory, plant: LinearPlant, delay: Delay, last: float) -> tuple[list[Any], list[Array]]:
+    """What is predicted, and the state of each orbit of the catalogue, shape (n + 2n̂,).
 
-    ``None`` stands for what is not there.
+    The row has the place of the orbit at Δ_crit in the catalogue, or −1; what is not known; and of each orbit Δ [s], λ,
+    the verdict and the largest multiplier, ``None`` where there is none.
     """
     try:
         system = error_system(plant, theory.system.design, theory.system.hold, delay=delay, match="position")
         found = predict(system, theory.rule, delta_max=last)
     except AnalysisError as error:
-        return [None, 0, 0, None, str(error), None]
-    if found.delta_crit is None or found.eigenvalue is None:
-        return [None, 0, 0, None, found.gaps, None]
-    largest, state = None, None
-    if found.multipliers is not None and len(found.multipliers):
-        largest = round(float(min(np.abs(found.multipliers).max(), 99.0)), 4)
-    if found.orbit is not None and np.isfinite(found.orbit.gamma):
-        state = np.concatenate(system.start(found.orbit.x_bar))
-    sign = round(float(np.real(found.eigenvalue)))
-    return [float(f"{found.delta_crit:.8g}"), sign, int(found.cycle), largest, found.gaps, state]
+        return [-1, str(error), []], []
+    orbits, states = [], []
+    for one in found.orbits:
+        delta, sign = float(f"{one.crossing.delta:.8g}"), one.orbit.sign
+        orbits.append(
+            [delta, sign, one.verdict, None if one.multiplier is None else round(min(one.multiplier, 99.0), 4)]
+        )
+        state = np.concatenate(system.start(one.orbit.x_bar))
+        states.append(state if np.isfinite(one.orbit.gamma) else 0 * state)
+    shown = next((i for i, one in enumerate(found.orbits) if one.orbit is found.orbit), -1)
+    return [shown, found.gaps, orbits], states

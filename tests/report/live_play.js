@@ -6,7 +6,8 @@ const go = (seconds) => {
   while (loop.t < end && !loop.ended) L.step();
   L.say();
   const { kind, number, seen, theory } = L.words(), period = document.getElementById("period").textContent;
-  return { kind, number, period, seen, theory, last: loop.t - loop.last, interval: page.intervals.at(-1)?.interval, predicted: L.theory()?.delta ?? null };
+  const orbits = [...document.querySelectorAll("#orbits li")];
+  return { orbits: orbits.map((each) => each.textContent), bold: orbits.findIndex((each) => each.className === "shown"), kind, number, period, seen, theory, last: loop.t - loop.last, interval: page.intervals.at(-1)?.interval, predicted: L.theory()?.delta ?? null };
 };
 const start = (settings, seconds, orbit = false) => {
   for (const [name, value] of Object.entries(settings)) L.change(name, value);

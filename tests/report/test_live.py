@@ -262,7 +262,24 @@ def test_the_model_is_exact_at_b_1_where_body_and_model_are_the_same_else(small,
     # the prediction says the same: an exact model has none
     rows = described["table"]["rows"]
     at = described["table"]["gains"].index(1.0) + len(described["table"]["gains"]) * described["delays"].index(0.1)
-    assert (rows[at][0] is None) is exact
+    assert (rows[at][0] < 0) is exact
+
+
+@pytest.mark.parametrize(("b", "delay", "count"), [(1.3, 0.0, 4), (0.75, 0.1, 4), (1.3, 0.1, 4), (1.0, 0.0, 0)])
+def test_the_page_has_every_orbit_with_the_verdict_that_analyse_gives_it(monkeypatch, b, delay, count):
+    monkeypatch.setattr(live, "GAINS", (b, b))
+    monkeypatch.setattr(live, "DELAYS", (delay,))
+    table = live.describe(loaded("three-link-0.9", **{"assumed.delay": delay or None, "actual.gain": b}))["table"]
+    found = loaded("three-link-0.9", **{"assumed.delay": delay or None, "actual.gain": b}).prediction
+    shown, _, orbits = table["rows"][table["gains"].index(b)]
+    assert len(found.orbits) == len(orbits) == count
+    for (delta, sign, verdict, largest), one in zip(orbits, found.orbits, strict=True):
+        assert delta == pytest.approx(one.crossing.delta, rel=1e-7)
+        assert (sign, verdict) == (np.sign(one.crossing.eigenvalue.real), one.verdict)
+        assert largest == pytest.approx(min(one.multiplier, 99.0), abs=1e-4)
+    assert (shown >= 0) is bool(count)
+    if count:
+        assert orbits[shown][0] == pytest.approx(found.delta_crit, rel=1e-7)
 
 
 def test_the_page_says_where_crossings_may_be_missing(small, monkeypatch):
@@ -270,7 +287,7 @@ def test_the_page_says_where_crossings_may_be_missing(small, monkeypatch):
     monkeypatch.setattr(live, "predict", lambda *of, **more: replace(predict(*of, **more), unresolved=((0.5, 0.6),)))
     described = live.describe(loaded("simple-0.8"))
     assert all(
-        row[4].startswith("crossings may be missing between 0.5 and 0.6 s") for row in described["table"]["rows"]
+        row[1].startswith("crossings may be missing between 0.5 and 0.6 s") for row in described["table"]["rows"]
     )
 
 

@@ -24,39 +24,41 @@ const element = (tag, attributes, parent, words) => {
 const sign = (text) => text.replace("-", "−");
 const figures = (value, count = 3) => sign(Number.isFinite(value) ? (Math.abs(value) >= 1e4 || (value && Math.abs(value) < 1e-3) ?
   value.toExponential(count - 1) : value.toPrecision(count)) : "–");
+const ordinal = (k) => ["first", "second", "third"][k - 1] ?? `${k}th`;
 const seconds = (value, count = 4) => `${value.toFixed(count)} s`;
 const unitOf = (k) => (outputs[k][1] === "°" ? "°" : outputs[k][1] ? ` ${outputs[k][1]}` : "");
 
 // -- predictions ------------------------------------------------------------------------------------------------------
 
+// the state of each orbit at its event, and which of them is the first of each row
 const stored = ruled && (() => {
-  const bytes = Uint8Array.from(atob(model.table.orbits), (sign) => sign.charCodeAt(0));
-  return new Float32Array(bytes.buffer);
+  const bytes = Uint8Array.from(atob(model.table.states), (sign) => sign.charCodeAt(0)), firsts = [0];
+  for (const [, , orbits] of model.table.rows) firsts.push(firsts.at(-1) + orbits.length);
+  return { values: new Float32Array(bytes.buffer), firsts };
 })();
 
 function lookUp({ b, delay, q, least }) {
   const { gains, rows, last } = model.table, { delays, controller } = model, resets = controller.resets[delays.indexOf(delay)];
-  const row = delays.indexOf(delay) * gains.length + gains.indexOf(b), [delta, lambda, cycle, largest, gaps] = rows[row];
-  const found = { delta, lambda, cycle: Boolean(cycle), largest, gaps, exact: model.exact && b === 1, least };
-  const size = rows.length ? stored.length / rows.length : 0;
-  if (delta !== null) {
+  const row = delays.indexOf(delay) * gains.length + gains.indexOf(b), [shown, gaps, orbits] = rows[row], first = stored.firsts[row];
+  const size = stored.values.length / (stored.firsts.at(-1) || 1);
+  const R = controller.R.map((line) => line.map((value) => (value * model.q) / q));
+  const share = (w) => Math.max(...controller.cuts.slice(1).map((end, j) => Math.hypot(...R.slice(controller.cuts[j], end)
+    .map((line) => line.reduce((sum, value, k) => sum + value * w[n + k], 0)))));
+  const catalogue = orbits.map(([delta, lambda, verdict, largest], k) => {
     const start = new Array(loop.size).fill(0);
-    for (let i = 0; i < size; i++) start[i] = stored[row * size + i] * (q / model.q);
-    found.start = start;
-    found.orbit = flown(model, { b, delay }, resets, start, delta);
-    // earlier than at Δ_crit the rule must not be reached where it is watched
-    const R = controller.R.map((line) => line.map((value) => (value * model.q) / q));
-    const share = (w) => Math.max(...controller.cuts.slice(1).map((end, j) => Math.hypot(...R.slice(controller.cuts[j], end)
-      .map((line) => line.reduce((sum, value, k) => sum + value * w[n + k], 0)))));
-    const early = found.orbit.find(([t, w]) => t > Math.max(least, delay) + 1e-6 && t < 0.985 * delta && share(w) >= 1);
-    found.early = early ? early[0] : null;
-  }
-  const end = delta === null ? Math.min(last, 2) : Math.min(1.25 * delta + 0.1, last + 0.2);
-  found.end = end;
-  return found;
+    for (let i = 0; i < size; i++) start[i] = stored.values[(first + k) * size + i] * (q / model.q);
+    const orbit = flown(model, { b, delay }, resets, start, delta);
+    // earlier than at its end the rule must not be reached where it is watched
+    const early = orbit.find(([t, w]) => t > Math.max(least, delay) + 1e-6 && t < 0.985 * delta && share(w) >= 1);
+    return { delta, lambda, verdict, largest, start, orbit, early: early ? early[0] : null, settles: verdict === "attracting" || verdict === "family" };
+  });
+  const none = { delta: null, lambda: 0, verdict: "none", largest: null, start: null, orbit: null, early: null, settles: false };
+  const at = catalogue[shown] ?? none, end = at.delta === null ? Math.min(last, 2) : Math.min(1.25 * at.delta + 0.1, last + 0.2);
+  return { ...at, shown: at, catalogue, cycle: catalogue.some(({ settles }) => settles), gaps, exact: model.exact && b === 1, least, end };
 }
 
 const predicted = () => ruled && theory.delta !== null && theory.cycle;
+const inWords = ({ delta, lambda, verdict }) => `${seconds(delta)} (λ = ${lambda > 0 ? "+1" : "−1"}), ${verdict}`;
 let theory = null, paths = null, pathsOf = "";
 function predict() {
   const { b, delay } = loop.settings;
@@ -275,9 +277,9 @@ const orbitPoints = () => {
   const k = page.output, factor = outputs[k][2];
   // an orbit's mirror image is an orbit: the one on the side of the last event
   const last = page.intervals.at(-1)?.w, side = last && theory.lambda > 0 && theory.start.slice(0, n).reduce((sum, value, i) => sum + value * last[i], 0) < 0 ? -1 : 1;
-  if (page.orbitOf === theory && page.orbitOutput === k && page.orbitSide === side) return page.orbitDrawn;
+  if (page.orbitOf === theory.orbit && page.orbitOutput === k && page.orbitSide === side) return page.orbitDrawn;
   const once = theory.orbit.map(([, w]) => [side * factor * model.plant.C[k].reduce((sum, value, j) => sum + value * w[j], 0), side * factor * orbitRate(w)[k]]);
-  [page.orbitOf, page.orbitOutput, page.orbitSide] = [theory, k, side];
+  [page.orbitOf, page.orbitOutput, page.orbitSide] = [theory.orbit, k, side];
   return (page.orbitDrawn = theory.lambda < 0 ? [...once, ...once.map(([x, y]) => [-x, -y])] : once);
 };
 
@@ -349,6 +351,8 @@ function drawIntervals() {
     pen.textAlign = "right";
     pen.fillText(`predicted ${seconds(delta, 3)}`, box.right, Y(delta) - 6);
   }
+  for (const one of ruled ? theory.catalogue : []) if (one.settles && one.orbit !== theory.orbit && one.delta < y)
+    line(pen, [[box.left, Y(one.delta)], [box.right, Y(one.delta)]], colour("theory"), 1, [2, 4]);
   if (ruled && loop.wait > 0.02) line(pen, [[box.left, Y(loop.wait)], [box.right, Y(loop.wait)]], colour("soft"), 1, [1, 3]);
   const top = Y(Math.min(open, y));
   pen.fillStyle = colour("live");
@@ -439,10 +443,15 @@ function describeMotion() {
     said.theory = `This controller has no internal model and no event rule, and so no critical interval. It acts on what was sensed ${delay.toFixed(2)} s ago.`;
     return said;
   }
-  const { delta, lambda, cycle, largest, early, exact } = theory, percent = `${+Math.abs(100 * (b - 1)).toPrecision(2)} %`;
+  // a motion is compared with the orbit that it has settled on, or beside: of a family, on cycles of unequal intervals
+  const meets = (one) => one.settles && (p === 1 || (p === 2 && one.verdict === "family")) && said.kind.startsWith("settled") &&
+    all.slice(-p).every((value) => Math.abs(value / one.delta - 1) < NEAR) && mirrored() === one.lambda < 0;
+  const met = theory.catalogue.filter(meets).sort((one, other) => Math.abs(last / one.delta - 1) - Math.abs(last / other.delta - 1))[0];
+  Object.assign(theory, met ?? theory.shown);
+  const { delta, lambda, cycle, verdict, early, exact, catalogue } = theory, percent = `${+Math.abs(100 * (b - 1)).toPrecision(2)} %`;
   const muscles = b === 1 ? "are as strong as" : `are ${percent} ${b < 1 ? "weaker" : "stronger"} than`;
   const wrong = exact ? "" : `The muscles ${muscles} the model assumes${model.exact ? "" : b === 1 ? ", but the body differs from the model otherwise" : ", and the body differs from the model otherwise, too"}. `;
-  const settled = said.kind === "settled 1" && delta !== null && Math.abs(last / delta - 1) < NEAR && mirrored() === lambda < 0;
+  const settled = met !== undefined;
   const other = said.kind.startsWith("settled") && !settled && loop.ended === "";
   if (exact && delta === null) {
     said.theory = "The model is exact (b = 1): its errors die out, no eigenvalue reaches the circle, and no cycle is predicted, hence no interval." +
@@ -450,17 +459,19 @@ function describeMotion() {
         loop.settings.linear || !model.plant.chain ? " Events that still come stem from the start or the last push, and grow rare." :
         " Events that still come stem from the start, the last push, or what the model does not know of the nonlinear body; on the linear plant they grow rare.");
   } else if (delta === null) said.theory = `${wrong}No eigenvalue reaches +1 or −1 within ${model.table.last} s, so no cycle is predicted.`;
-  else if (!cycle) said.theory = `${wrong}At Δ = ${seconds(delta, 3)} an eigenvalue reaches ${lambda > 0 ? "+1" : "−1"}, but ${largest !== null && largest >= 1 ? "the orbit there repels: small departures from it grow" : "an event comes earlier on the orbit there"}. So no cycle is predicted.`;
+  else if (!cycle) said.theory = `${wrong}At Δ = ${seconds(delta, 3)} an eigenvalue reaches ${lambda > 0 ? "+1" : "−1"}, but ${verdict === "repelling" ? "the orbit there repels: small departures from it grow" : "an event comes earlier on the orbit there"}${catalogue.length > 1 ? ", and no other orbit attracts" : ""}. So no cycle is predicted.`;
   else {
     const why = `${wrong}If events are Δ = ${seconds(delta)} apart, an eigenvalue reaches ${lambda > 0 ? "+1: every event repeats the one before, and the period is one interval" : `−1: every event mirrors the one before, and the period is two intervals, ${seconds(2 * delta, 3)}`}.`;
     if (loop.wait >= delta) said.theory = `${why} But no event is allowed before ${seconds(loop.wait, 2)}, so this cycle is ruled out.`;
     else if (early !== null) said.theory = `${why} But on that orbit the threshold would be reached earlier, after ${seconds(early, 2)}, so there is no such cycle.`;
     else if (noise > 0) said.theory = `${why} The orbit that is drawn, and its interval, are those without noise.`;
-    else if (settled) said.theory = `${why} The body has settled on this cycle: interval predicted ${seconds(delta)}, measured ${seconds(last)}.`;
+    else if (settled) said.theory = `${why} The body has settled ${p === 1 ? "on" : "beside"} this cycle: interval predicted ${seconds(delta)}, measured ${seconds(last)}.`;
     else if (other && mirrored() === lambda < 0 && Math.abs(last / delta - 1) < 0.25 && !loop.settings.linear)
       said.theory = `${why} The motion is near that cycle and not on it, because linear theory is for small sway. Lower the threshold, or take the linear plant.`;
-    else if (other) said.theory = `${why} ${largest !== null && largest >= 1 ? "But that orbit repels, and the motion has settled on another one" : "The motion has reached another cycle, which exists beside it; start on the predicted orbit to reach the predicted one"}.`;
-    else said.theory = `${why}${largest !== null && largest >= 1 ? " But the orbit repels: small departures from it grow." : ""}`;
+    else if (other) said.theory = `${why} The motion has reached another cycle, which exists beside it; start on the predicted orbit to reach the predicted one.`;
+    else said.theory = why;
+    if (verdict === "family") said.theory += " The orbit is one of a family: a motion that starts beside it settles on a neighbour.";
+    if (catalogue.length > 1) said.theory += ` Of ${catalogue.length} orbits this is the ${ordinal(catalogue.findIndex((one) => one.orbit === theory.orbit) + 1)}.`;
   }
   if (theory.gaps) said.theory += ` ${theory.gaps[0].toUpperCase()}${theory.gaps.slice(1)}.`;
   said.settled = settled;
@@ -477,6 +488,10 @@ function say() {
   if (ruled) {
     byId("measuring").textContent = model.noise.noisy && loop.settings.noise > 0 ? "measured interval, mean ± SD" : said.kind.startsWith("settled") ? "measured interval" : "last interval";
     byId("predicted").textContent = predicted() ? seconds(theory.delta) : "none";
+    const { catalogue, orbit } = theory, list = byId("orbits");
+    list.replaceChildren();
+    for (const one of catalogue) element("li", { className: one.orbit === orbit ? "shown" : "" }, list, inWords(one));
+    byId("catalogue").hidden = !catalogue.length;
     byId("period").textContent = predicted() ? (theory.lambda > 0 ? "period: one interval" : `period: two intervals, ${seconds(2 * theory.delta, 3)}`) : "";
   }
   // a reader of the screen hears of what has changed in kind, and not of every number
