@@ -418,7 +418,8 @@ def _measured(drawn: Drawn, rng: random.Random, plant: str) -> str:
 
 def few_rows(run: icmj.Simulation, t: np.ndarray) -> np.ndarray:
     """Whether fewer than four rows of a run lie in the piece between two breaks in which each instant lies."""
-    breaks = np.unique(np.concatenate([run.events.t, run.actions, run.edges, run.switches]))
+    led = run.leads[:, 0] if run.leads.size else run.edges
+    breaks = np.unique(np.concatenate([run.events.t, run.actions, run.edges, run.switches, led]))
     rows = np.diff(np.searchsorted(run.t, [-np.inf, *(breaks + 1e-9), np.inf]))
     return np.asarray(rows[np.searchsorted(breaks, t - 1e-9)] < 4)
 
@@ -574,7 +575,7 @@ def _plants(drawn: Drawn, rng: random.Random, plant: str) -> str:
 def _signals(run: icmj.Simulation) -> dict[str, np.ndarray]:
     """All that a run holds, as arrays."""
     found = {name: getattr(run, name) for name in ("t", "x", "y", "u", "x_o", "x_h", "E", "applied")}
-    return found | {"events": run.events.t, "before": run.events.x, "jumps": run.jumps}
+    return found | {"events": run.events.t, "before": run.events.x, "jumps": run.jumps, "leads": run.leads}
 
 
 def _routes(drawn: Drawn, rng: random.Random, plant: str) -> str:

@@ -63,6 +63,8 @@ def test_units_of_integrators_that_nothing_reads_make_no_loop_stiff():
     (9030, "mujoco"),  # a piece without a row after a switch
     (26, "mujoco"),  # a piece without a row between an event and an edge
     (230000062, "linear"),  # a piece of one row between an event and an edge, of which nothing is asked
+    (310000205, "linear"),  # what an action does is read late, a few rows before an edge, and bends the command
+    (310000205, "mujoco"),
 ])  # fmt: skip
 def test_signals_are_exported_alike_whatever_the_rows(seed, plant):
     assert check("instants", seed, plant) == ""

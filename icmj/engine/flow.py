@@ -102,7 +102,8 @@ class Record:
         steps: steps taken.
         outcome: how it ended.
         u, mode: command and mode at the rows, shapes (N, n_u), (N,).
-        jumps: times and commands right after rows at which these jump, shape (K, 1 + n_u); not of a run by steps.
+        jumps, leads: times and commands right after rows, and right before others, shapes (K, 1 + n_u), (S, 1 + n_u);
+            not of a run by steps (:class:`icmj.simulation.simulation.Simulation`).
         stand: a while before the end, to repeat what came after; ``None`` if nobody asked for it.
     """
 
@@ -115,6 +116,7 @@ class Record:
     u: Array
     mode: np.ndarray
     jumps: Array
+    leads: Array
     stand: Stand | None = None
 
 
@@ -256,7 +258,7 @@ def _track_of(loop: ComposedLoop, t: float) -> EngineTrack:
     real, model = loop.controller.realisation, loop.model
     samples, own = (1, 0) if loop.by_steps else (_SAMPLES, 0 if real.tapped else real.layout.size)
     return EngineTrack(
-        t=np.array([t, t, t, 0.0]), marks=np.array([-1, 0, 0, 0, 0, 0]),
+        t=np.array([t, t, t, 0.0]), marks=np.array([-1, 0, 0, 0, 0, 0, 0]),
         at=np.zeros(samples), y=np.zeros((samples, loop.n_y + own)), states=np.zeros((samples, loop.width)),
         near=np.zeros(samples, np.int64), begin=np.zeros(model.nq + model.nv + model.na + model.nplastic),
         curves=np.zeros((loop.n_y + own, POWERS)),
@@ -312,13 +314,14 @@ def follow(
         outcome = ending.end_stalled(t, crowded)
     if loop.by_steps:
         u, mode = -loop.state(rows) @ loop.controller.realisation.K.T, np.zeros(len(rows), np.int64)
-        jumps = np.zeros((0, 0))
+        jumps = leads = np.zeros((0, 0))
     else:
         u, mode = np.concatenate(log.u), np.concatenate(log.mode)
-        kept, jumps = part_rows(rows[:, 0], u)
+        kept, jumps, leads, mode = part_rows(rows[:, 0], u, mode)
         rows, u, mode = rows[kept], u[kept], mode[kept]
     y_max, y_min = log.tracker.result()
-    return Record(rows, events, y_max, y_min, log.steps, outcome, u, mode, jumps, stands[0] if stands else None)
+    stand = stands[0] if stands else None
+    return Record(rows, events, y_max, y_min, log.steps, outcome, u, mode, jumps, leads, stand)
 
 
 class Log:

@@ -15,14 +15,14 @@ from icmj.controller.law import Law
 from icmj.engine.accuracy import estimate, list_facts
 from icmj.engine.buffers import States
 from icmj.engine.closed_loop import ComposedLoop, close_loop
-from icmj.engine.flow import follow
+from icmj.engine.flow import Record, follow
 from icmj.engine.limits import apply_limits, find_clipped, has_limit, measure_shares
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.stepping import choose_stepping
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.labels import make_labels
 from icmj.simulation.readings import expect_no_observer, expect_readings
-from icmj.simulation.rows import ControllerRows, collect_drives, keep_rows
+from icmj.simulation.rows import ControllerRows, collect_drives, keep_leads, keep_rows
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import make_plant_start, start_states
@@ -112,6 +112,7 @@ def simulate(
         noisy=settings.noisy,
         labels=make_labels(linear, controller.plant) if has_trigger(controller) else make_labels(linear),
         jumps=record.jumps,
+        leads=keep_leads(record.leads, lambda t, u: _limit_leads(plant, loop, record, t, u), loop.acting),
         **get_modes(real, record.mode),
         **collect_drives(controller, loop.acting, record.rows[:, 0]),
     )
@@ -135,6 +136,13 @@ def _hold_rows(law: Law, states: States, u: Array) -> ControllerRows:
     if has_trigger(law):
         return keep_rows(law, states.x_o, states.x_h)
     return ControllerRows(states.x_o, states.x_h, u, np.full(len(states.x), np.nan))
+
+
+def _limit_leads(plant: MujocoPlant, loop: ComposedLoop, record: Record, t: Array, u: Array) -> Array:
+    """What acts at these times under commands ``u``, in the states of the first rows from there on."""
+    rows = record.rows[np.searchsorted(record.rows[:, 0], t)].copy()
+    rows[:, 0] = t
+    return apply_limits(plant, loop.disturbance, rows, u)[0]
 
 
 def _limits(plant: MujocoPlant, loop: ComposedLoop, rows: Array, u: Array) -> tuple[Array, dict[str, float | str]]:

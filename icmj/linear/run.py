@@ -35,7 +35,7 @@ from icmj.simulation.labels import make_labels
 from icmj.simulation.native.loop import Status
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.readings import expect_no_observer, expect_readings
-from icmj.simulation.rows import collect_drives, keep_rows, list_edges, part_rows
+from icmj.simulation.rows import collect_drives, keep_leads, keep_rows, list_edges, part_rows
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import make_plant_start, start_states
@@ -118,7 +118,7 @@ def simulate_tapped(
         breaks=breaks,
     )  # fmt: skip
     track = Track(
-        t=np.array([0.0, 0.0, breaks[0]]), counts=np.array([1, 0, 0, 0]),
+        t=np.array([0.0, 0.0, breaks[0]]), counts=np.array([1, 0, 0, 0, 0]),
         X=np.zeros((n, POWERS)), y=np.zeros((n_y + 1, POWERS)), room=np.zeros((2, POWERS)),
         high=plant.C @ x, low=plant.C @ x,
         rows=np.zeros((_TAPPED_ROWS + int(min(H / body.interval, 1e7)), 2 + n + n_u)),
@@ -164,9 +164,10 @@ def simulate_tapped(
             raise
         outcome = ending.end_interrupted(float(track.t[0]), settings.duration)
     R, K = np.concatenate(rows), np.concatenate(events)
-    kept, jumps = part_rows(R[:, 0], R[:, 1 + n : -1])
+    kept, jumps, leads, mode = part_rows(R[:, 0], R[:, 1 + n : -1], R[:, -1])
     R = R[kept]
     when, X, u = R[:, 0], R[:, 1 : 1 + n], R[:, 1 + n : -1]
+    leads = keep_leads(leads, lambda t, u: acting.beside(t, u) + u if len(acting) else u[:, :0], everything)
     none, before = np.zeros((len(R), 0)), np.zeros((len(K), 0))
     y_max, y_min = K[:, 1 + n : 1 + n + n_y], K[:, 1 + n + n_y :]
     return Simulation(
@@ -194,7 +195,8 @@ def simulate_tapped(
         delay=realisation.delay if realisation.eventful else 0.0,
         least=get_least_interval(realisation),
         jumps=jumps,
-        **get_modes(realisation, R[:, -1]),
+        leads=leads,
+        **get_modes(realisation, mode[kept]),
         **collect_drives(law, everything, when),
     )
 

@@ -76,9 +76,11 @@ def _simulation(result: Result, name: str, simulation: Simulation, m: int) -> No
     _shape(f"{name}.E", simulation.E, N)
     if simulation.applied.size:
         _shape(f"{name}.applied", simulation.applied, N, n_u)
-    if simulation.jumps.size:
-        _shape(f"{name}.jumps", simulation.jumps, None, 1 + n_u)
-        _rising(f"{name}.jumps", simulation.jumps[:, 0], least=0)
+    acting = simulation.applied.shape[1] + simulation.pushed.shape[1]
+    for which, sides, more in (("jumps", simulation.jumps, 0), ("leads", simulation.leads, acting)):
+        if sides.size:
+            _shape(f"{name}.{which}", sides, None, 1 + n_u + more)
+            _rising(f"{name}.{which}", sides[:, 0], least=0)
     if simulation.pushes or simulation.pushed.size:
         _shape(f"{name}.pushed", simulation.pushed, N, len(simulation.pushes))
     if simulation.qpos.size:

@@ -8,7 +8,7 @@ is given, the same as in a row there: at an event the value before the reset, at
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -27,6 +27,7 @@ def piecewise(
     jumps: Array | None = None,
     after: Array | None = None,
     breaks: Array | None = None,
+    before: tuple[Array, Array] | None = None,
     bends: Array | None = None,
     steady: np.ndarray | None = None,
 ) -> Array:
@@ -39,6 +40,8 @@ def piecewise(
         jumps: times of jumps at rows, which contain the values before the jump [s], shape (K,).
         after: values right after each jump, NaN if unknown, shape (K, w).
         breaks: further times of jumps, which need not be times of rows [s]; a row there contains the values after it.
+        before: of some of the breaks their times [s], rising, and the values right before them, NaN if unknown; shapes
+            (S,), (S, w).
         bends: times at which all signals bend and none jumps, so that a row is of both sides [s].
         steady: mask of the signals that bend at jumps and breaks, too, and do not jump; shape (w,).
 
@@ -51,11 +54,12 @@ def piecewise(
     none = np.zeros(0)
     jumps, breaks, bends = (none if of is None else np.asarray(of, float) for of in (jumps, breaks, bends))
     after = np.full((len(jumps), values.shape[1]), np.nan) if after is None else after
+    told, left = (none, np.zeros((0, values.shape[1]))) if before is None else before
     steady = np.zeros(values.shape[1], dtype=bool) if steady is None else steady
     result = np.empty((len(at), values.shape[1]))
     for these, instants in (
-        (~steady, (jumps, after[:, ~steady], breaks, bends)),
-        (steady, (none, np.zeros((0, int(steady.sum()))), none, np.concatenate([jumps, breaks, bends]))),
+        (~steady, (jumps, after[:, ~steady], breaks, bends, (told, left[:, ~steady]))),
+        (steady, (none, np.zeros((0, int(steady.sum()))), none, np.concatenate([jumps, breaks, bends]), None)),
     ):
         if these.any():
             result[:, these] = _by_pieces(t, values[:, these], at, *instants)
@@ -68,18 +72,33 @@ def piecewise(
 _JUMP, _BREAK, _BEND = 0, 1, 2  # what a row tells there: the value before, after, or of both sides
 
 
-def _by_pieces(t: Array, values: Array, at: Array, jumps: Array, after: Array, breaks: Array, bends: Array) -> Array:
+def _by_pieces(
+    t: Array,
+    values: Array,
+    at: Array,
+    jumps: Array,
+    after: Array,
+    breaks: Array,
+    bends: Array,
+    before: tuple[Array, Array] | None,
+) -> Array:
     """A spline for each piece between two instants, through the rows of its own side."""
     bends = _apart_from(np.unique(bends[~_near(bends, np.concatenate([jumps, breaks]))]))
     bends = bends[(bends > t[0] + NEAR) & (bends < t[-1] - NEAR)]
     alone = bends[~_near(bends, t)]
     if len(alone):  # without a row, as in logs of before: what is there is known from the piece before
-        known = _by_pieces(t, values, alone - 2 * NEAR, jumps, after, np.concatenate([breaks, bends]), bends[:0])
+        breaking = np.concatenate([breaks, bends])
+        known = _by_pieces(t, values, alone - 2 * NEAR, jumps, after, breaking, bends[:0], before)
         place = np.searchsorted(t, alone)
         t, values = np.insert(t, place, alone), np.insert(values, place, known, axis=0)
     # what jumps at a break, too, is in the row of the jump already: that row tells nothing of the time before
     shared = _near(jumps, breaks)
     breaks = _apart_from(np.unique(breaks[~_near(breaks, jumps)]))
+    left = np.full((len(breaks), values.shape[1]), np.nan)
+    if before is not None and len(before[0]):
+        place = np.minimum(np.searchsorted(before[0], breaks - NEAR), len(before[0]) - 1)
+        told = np.abs(before[0][place] - breaks) <= NEAR
+        left[told] = before[1][place[told]]
     inner = np.concatenate([jumps, breaks, bends])
     kind = np.repeat([_JUMP, _BREAK, _BEND], [len(jumps), len(breaks), len(bends)])
     order = np.argsort(inner, kind="stable")
@@ -107,14 +126,18 @@ def _by_pieces(t: Array, values: Array, at: Array, jumps: Array, after: Array, b
         here = slice(*wanted)
         begun = number and kind[number - 1] == _JUMP
         head = after[order[number - 1]] if begun else np.full(values.shape[1], np.nan)
-        known = np.isfinite(head)
-        for columns, with_head in ((known, True), (~known, False)):
+        ended = number < len(inner) and kind[number] == _BREAK
+        tail = left[order[number] - len(jumps)] if ended else np.full(values.shape[1], np.nan)
+        for with_head, with_tail in product((True, False), repeat=2):
+            columns = (np.isfinite(head) == with_head) & (np.isfinite(tail) == with_tail)
             if columns.any():
-                rows = slice(begins[number], begins[number] if with_head and empty[number] else ends[number])
-                if dense[number] and not with_head:
+                alone_there = empty[number] and (with_head or with_tail)
+                rows = slice(begins[number], begins[number] if alone_there else ends[number])
+                if dense[number] and not (with_head or with_tail):
                     rows = slice(rows.start - ends_it[number], rows.stop + (not ends_it[number]))
-                times = np.append(inner[number - 1], t[rows]) if with_head else t[rows]
-                through = np.vstack([head, values[rows]])[:, columns] if with_head else values[rows][:, columns]
+                first, last = inner[number - 1 : number][:with_head], inner[number : number + 1][:with_tail]
+                times = np.concatenate([first, t[rows], last])
+                through = np.vstack([*[head] * with_head, values[rows], *[tail] * with_tail])[:, columns]
                 few = _apart(times, least)
                 result[here, columns] = _smooth(times[few], through[few], at[here], t, values[:, columns])
     return result

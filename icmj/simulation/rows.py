@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ from icmj.controller.controller import Controller
 from icmj.controller.law import Law
 from icmj.series.interpolation import NEAR, snap_rows
 from icmj.simulation.disturbance import Acting
+from icmj.simulation.native.taps import KEPT
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,20 +38,45 @@ def keep_rows(controller: Controller, x_o: Array, x_h: Array, e: Array | None = 
     return ControllerRows(x_o[:, :n], x_h[:, :n], u, controller.faces.E(x_h - x_o if e is None else e))
 
 
-def part_rows(t: Array, u: Array) -> tuple[np.ndarray, Array]:
-    """Of the rows of a run by stretches, of which two may be at one instant, those before it, and what comes after.
+def part_rows(t: Array, u: Array, mode: np.ndarray) -> tuple[np.ndarray, Array, Array, np.ndarray]:
+    """Of the rows of a run by stretches, of which two may be at one instant, those that stay, and what others tell.
 
     Args:
         t: times of the rows [s], rising, shape (M,).
         u: commands, shape (M, n_u).
+        mode: of each row, shape (M,); of a second one that is to stay, ``KEPT`` less it.
 
     Returns:
-        a mask with one row for each instant, shape (M,), and (t, u) right after those of which there are two, shape
-        (K, 1 + n_u). Of the start, at which what happens is of the start, only the last row counts.
+        a mask with one row for each instant, shape (M,); (t, u) right after and right before those of which there are
+        two, shapes (K, 1 + n_u), (S, 1 + n_u); and the modes. Of the start, at which what happens is of the start, only
+        the last row counts.
     """
-    same = np.diff(t) <= 0
-    second, first = np.append(False, same) & (t > 0), np.append(same, False) & (t <= 0)
-    return ~(second | first), np.column_stack([t, u])[second]
+    first, all_of = np.flatnonzero(np.diff(t) <= 0), np.column_stack([t, u])
+    last = (mode[first + 1] <= KEPT) | (t[first] <= 0)
+    stays, later = np.ones(len(t), bool), t[first] > 0
+    stays[np.where(last, first, first + 1)] = False
+    mode = np.where(mode <= KEPT, KEPT - mode, mode)
+    return stays, all_of[first[~last] + 1], all_of[first[last & later]], mode
+
+
+JUST_BEFORE = 2 * NEAR  # [s]: beside an edge by so much, what is given is that of the side
+
+
+def keep_leads(leads: Array, applied: Callable[[Array, Array], Array], acting: Acting) -> Array:
+    """Commands right before rows, and what acts there of them and beside them.
+
+    Args:
+        leads: (t, u), shape (S, 1 + n_u).
+        applied: the input that acts at times [s] under commands, of any width.
+        acting: what acts.
+
+    Returns:
+        (t, u, applied, pushed), of the last what there is; (0, 0) if there are no rows.
+    """
+    if not len(leads):
+        return np.zeros((0, 0))
+    earlier = leads[:, 0] - JUST_BEFORE
+    return np.hstack([leads, applied(earlier, leads[:, 1:]), acting.pushes.size(earlier)])
 
 
 def list_edges(acting: Acting, law: Law) -> Array:

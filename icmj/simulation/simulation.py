@@ -95,6 +95,9 @@ class Simulation(WithCard):
             and at which the controller reads that [s], rising; there is a row at each.
         jumps: of a controller without an observer, times of events and switches whose rows contain what is before [s],
             and the commands right after them, shape (K, 1 + n_u); empty in logs of before.
+        leads: of a controller without an observer, times of actions, of edges, and of instants at which it reads what
+            these, events and switches have done, whose rows contain what is after [s], and ``u``, ``applied`` and
+            ``pushed`` right before them, shape (S, 1 + n_u + …); empty in logs of before.
     """
 
     plant: Literal["linear", "mujoco"]
@@ -123,6 +126,7 @@ class Simulation(WithCard):
     setpoint: Setpoint | None = None
     edges: Array = field(default_factory=lambda: np.zeros(0))
     jumps: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    leads: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def r(self) -> Array:
@@ -184,7 +188,8 @@ class Simulation(WithCard):
         else:
             t = list_multiples(step_of(rate, float(self.t[-1])), float(self.t[-1]))
             after = np.concatenate([block.right_after(len(self.resets)) for block in blocks], axis=1)
-            values = self.interpolate(names, values, t, after, breaks)
+            before = np.concatenate([block.right_before(len(self.leads)) for block in blocks], axis=1)
+            values = self.interpolate(names, values, t, after, breaks, before)
             if self.setpoint:
                 values[:, [name.startswith("r.") for name in names]] = self.setpoint(t)
             facts |= {"resampled": f"cubic spline within each open-loop interval at {rate:g} Hz"}
@@ -193,7 +198,13 @@ class Simulation(WithCard):
         return Series(t, np.concatenate([values, interval], axis=1), (*names, COUNTER), (*units, ""), facts)
 
     def interpolate(
-        self, names: Sequence[str], values: Array, t: Array, after: Array | None = None, breaks: ArrayLike = ()
+        self,
+        names: Sequence[str],
+        values: Array,
+        t: Array,
+        after: Array | None = None,
+        breaks: ArrayLike = (),
+        before: Array | None = None,
     ) -> Array:
         """Signals at other times than those of the rows, across none of :attr:`breaks`.
 
@@ -203,6 +214,7 @@ class Simulation(WithCard):
             t: times [s], increasing, within the run, shape (M,).
             after: values right after each of :attr:`resets`, NaN if unknown, shape (K, w).
             breaks: further times across which nothing is interpolated [s].
+            before: values right before each of :attr:`leads`, NaN if unknown, shape (S, w).
         """
         kinds, resets = np.array([name.split(".")[0] for name in names]), self.resets
         bends, after = is_steady(names), np.full((len(resets), len(names)), np.nan) if after is None else after
@@ -212,7 +224,8 @@ class Simulation(WithCard):
             bends, held = bends | steady_held, held & False
         # what is held jumps at actions alone, and knows of no edge; the event function bends where the observer does
         given, found = np.concatenate([self.actions, np.ravel(breaks)]), np.empty((len(t), len(names)))
-        jumping = np.concatenate([given, self.edges])
+        led = self.leads[:, 0] if self.leads.size else np.zeros(0)
+        jumping = np.concatenate([given, self.edges, led])
         for these, others, bending in (
             (held, given, None),
             (error, jumping if self.setpoint else given, self.edges),
@@ -221,7 +234,8 @@ class Simulation(WithCard):
             if these.any():
                 found[:, these] = piecewise(
                     self.t, values[:, these], t, jumps=resets, after=after[:, these],
-                    breaks=others, bends=bending, steady=bends[these],
+                    breaks=others, before=None if before is None else (led, before[:, these]),
+                    bends=bending, steady=bends[these],
                 )  # fmt: skip
         return found
 
@@ -240,6 +254,9 @@ class Simulation(WithCard):
         """Times at which the controller changes its mode without an event [s], whose rows contain what is before."""
         if len(self.mode) != len(self.t):
             return np.zeros(0)
+        if self.jumps.size:
+            times = self.jumps[:, 0]
+            return times[~np.isin(times, self.events.t)]
         # the row of an action or an edge has the mode from there on: what changes before it does not change at a row
         later = np.append(np.sort(np.concatenate([self.actions, self.edges])), np.inf)
         after = self.t[1:]
@@ -351,10 +368,14 @@ class Simulation(WithCard):
             place = np.minimum(np.searchsorted(self.jumps[:, 0], self.resets), len(self.jumps) - 1)
             known = np.abs(self.jumps[place, 0] - self.resets) <= NEAR
             command = np.where(known[:, None], self.jumps[place, 1:], np.nan)
+        led = acted = pushed = None
+        if self.leads.size:
+            widths = (1, self.u.shape[1], self.applied.shape[1], self.pushed.shape[1])
+            _, led, acted, pushed = np.split(self.leads, np.cumsum(widths)[:-1], axis=1)
         blocks = [
             look_up_columns("x", labels.states, labels.state_units, self.x, self.x[at]),
             look_up_columns("y", labels.outputs, labels.output_units, self.y, self.y[at]),
-            look_up_columns("u", labels.inputs, labels.input_units, self.u, command),
+            look_up_columns("u", labels.inputs, labels.input_units, self.u, command, led),
             look_up_columns("x_o", labels.assumed, labels.assumed_units, self.x_o, self.x_o[at]),
             look_up_columns("x_h", labels.assumed, labels.assumed_units, self.x_h, self.x_o[at]),
         ]
@@ -365,11 +386,11 @@ class Simulation(WithCard):
         if self.applied.size:
             limited = bool(self.precision.get("saturated_share"))
             acting = None if command is None or limited else self.applied[at] + command - self.u[at]
-            blocks.append(look_up_columns("applied", labels.inputs, labels.input_units, self.applied, acting))
+            blocks.append(look_up_columns("applied", labels.inputs, labels.input_units, self.applied, acting, acted))
         if self.pushes:
-            blocks.append(
-                look_up_columns("push", self.push_names, self.push_units, self.push_values, self.push_values[at])
-            )
+            led = None if pushed is None else pushed * [push.magnitude for push in self.pushes]
+            values = self.push_values
+            blocks.append(look_up_columns("push", self.push_names, self.push_units, values, values[at], led))
         if self.setpoint:
             blocks.append(look_up_columns("r", self.setpoint.names, self.setpoint.units, self.r, self.r[at]))
         if self.pressure is not None:

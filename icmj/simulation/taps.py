@@ -114,11 +114,12 @@ class ControllerState(NamedTuple):
         sign: whether each guard is positive, shape (G,).
         roots: where on the stretch each changes its sign first, in units of time, shape (G,).
         a: state, shape (N_a,).
-        met: by number, shape (6,), which guard, or face of the rule (numbered behind them), is met within 1e-12 s of
+        met: by number, shape (7,), which guard, or face of the rule (numbered behind them), is met within 1e-12 s of
             where the last stretch ended for another reason, −1 for none (``MEETS``); which ended it, −1 for none
             (``ENDS``); how many stretches in a row have ended soon in a switch (``SWITCHES``); whether the plant has
-            fallen (``FALLS``); whether the last stretch was longer than nothing (``MOVES``); and whether the mode has
-            changed at its end (``TURNS``).
+            fallen (``FALLS``); whether the last stretch was longer than nothing (``MOVES``); whether the mode has
+            changed at its end (``TURNS``); and whether what is read of earlier lets the command jump or bend where the
+            present one begins (``READS``).
         level: of what begins now, see :mod:`icmj.simulation.native.taps`; shape (1,).
         due, when, queue: what is planned, see :mod:`icmj.simulation.native.loop`; shapes (6,), (3,), (capacity,).
         v, A, u: readings, state and command on the stretch under way, shapes (n_v, p + 1), (N_a, p + 1), (n_u, p + 1).
@@ -224,7 +225,7 @@ def begin(
         queue[0] = taps.delay
     return history, ControllerState(
         mode=np.repeat(realisation.following(0, w), 2), sign=sign, roots=np.zeros(len(sign)), a=a,
-        met=np.array([-1, -1, 0, 0, 0, 0]),
+        met=np.array([-1, -1, 0, 0, 0, 0, 0]),
         level=np.array([-1 if realisation.commands else 0]),  # commands may jump there
         due=np.array([1, 0, 1, 0, int(acts), 0]), when=np.array([taps.wait, np.inf, 0.0]), queue=queue,
         v=np.zeros((n_v, POWERS)), A=np.zeros((size, POWERS)), u=np.zeros((n_u, POWERS)), last=np.zeros(n_u),
@@ -236,7 +237,7 @@ def begin(
 
 def begin_at(taps: Taps, now: ControllerState, edges: Array, t: float) -> None:
     """Plan what follows an event at ``t`` [s], where what is due of ``edges``, signals and the clock has been done."""
-    now.met[:] = -1, -1, 0, 0, 0, 0
+    now.met[:] = -1, -1, 0, 0, 0, 0, 0
     now.when[:] = t + taps.wait, np.inf, t
     now.due[EDGE], now.due[SIGNAL] = edges.searchsorted(t, side="right"), taps.edges.searchsorted(t, side="right")
     now.due[TICK] = floor(t / taps.clock * (1 + 1e-12)) + 1

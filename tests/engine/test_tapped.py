@@ -178,8 +178,10 @@ def test_rows_are_at_the_multiples_of_their_interval_at_every_break_and_at_the_e
     law, settings = replace(SWITCHING, dead_zone=0.04), Settings(duration=5.0, record_interval=0.03, **steps)
     run = simulate(person(), law, settings, x0=START)
     oracle = swinging(law, START, settings).run(5.0)
-    # the start is read a delay later, at which the command jumps; that bends the command another delay later
-    breaks = [DELAY, 2 * DELAY]
+    # the start is read a delay later, at which the command jumps; that bends the command another delay later, as what
+    # a switch does bends it one delay later
+    read = np.add(oracle.switches, DELAY)
+    breaks = [DELAY, 2 * DELAY, *read[read < 5.0 - 1e-6]]
     expected = np.sort(np.concatenate([0.03 * np.arange(167), breaks, oracle.switches, [5.0]]))
     np.testing.assert_allclose(run.t, expected, atol=1e-8)
     # between steps, too, rows are as exact as the steps: of fourth order from the 2e-10 at 1 ms of the test above
@@ -203,7 +205,11 @@ def test_rows_events_and_extremes() -> None:
     for steps in ({"timestep": 2e-3}, {"tolerance": 1e-9}):
         run = simulate(person(), SWITCHING, Settings(duration=6.0, record_interval=0.01, **steps), x0=0.1 * START)
         assert (np.diff(run.t) > 0).all()
-        grid = run.t[~np.isin(run.t, run.events.t)]
+        # what a switch does is read a delay later, which bends the command
+        read = run.events.t + DELAY
+        read = read[read < 6.0]
+        np.testing.assert_allclose(run.leads[:, 0], [DELAY, 2 * DELAY, *read], atol=1e-12)
+        grid = run.t[~np.isin(run.t, [*run.events.t, *run.leads[2:, 0]])]
         np.testing.assert_allclose(grid, 0.01 * np.arange(601), atol=1e-12)
         at = np.searchsorted(run.t, run.events.t)
         assert run.t[at] == pytest.approx(run.events.t, abs=0)

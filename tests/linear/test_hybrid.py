@@ -128,6 +128,36 @@ def test_a_piece_that_ends_soon_after_an_event_is_as_exact_as_others(there, tmp_
     np.testing.assert_allclose(*series, atol=1e-4 * np.abs(series[1]).max())
 
 
+@pytest.mark.parametrize("there", ["linear", "mujoco"])
+def test_both_sides_are_known_of_actions_edges_and_what_is_read_of_them(there) -> None:
+    """What the rows before tell, by a parabola through three of them; and there is a jump where the delay ends."""
+    run = icmj.load_run(FOLDER / "reflex.toml", allow_code=True)
+    edge = {"kind": "step", "input": "ankle_torque", "size": 1.0, "start": 0.90237}
+    changes = {"assumed.delay": 0.06, "simulation.duration": 1.2, "simulation.disturbance": [edge]}
+    given = run.with_(**changes, **{"simulation.record_interval": 0.0002, "simulation.timestep": None})
+    found = icmj.simulate(icmj.prepare(given), there)
+    late, breaks = 0.05, np.unique(np.concatenate([found.actions, found.edges, found.actions + 0.05]))
+    assert len(found.events) > 2
+    assert np.abs(found.leads[:, 0] - breaks[breaks < 1.2][:, None]).min(axis=1).max() < 1e-12
+    others, fewer = np.sort(np.append(found.leads[:, 0], found.events.t)), 0
+    for t, *left in found.leads:
+        at = int(np.searchsorted(found.t, t))
+        if ((others > found.t[at - 3]) & (others < t)).any():
+            fewer += 1
+            continue
+        before = np.column_stack([of for of in (found.u, found.applied, found.pushed) if of.size])[at - 3 : at]
+        told = np.polynomial.polynomial.polyfit(found.t[at - 3 : at] - t, before, 2)[0]
+        np.testing.assert_allclose(left, told, atol=1e-6 * np.abs(found.u).max())
+    assert fewer < len(found.leads) / 4
+    jumped = np.isin(found.leads[:, 0], found.actions[1:])
+    row = np.searchsorted(found.t, found.leads[:, 0])
+    step = np.abs(found.u[row] - found.leads[:, 1:2])[:, 0]
+    assert jumped.sum() == len(found.actions[found.actions < 1.2]) - 1
+    assert step[jumped].min() > 1e-3 * np.abs(found.u).max()
+    read = np.abs(found.leads[:, :1] - (found.actions + late)).min(axis=1) < 1e-12
+    assert step[read].max() < 1e-9 * np.abs(found.u).max()
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_noise_that_is_a_share_of_the_command_is_refused(name) -> None:
     share = Settings(duration=1.0, disturbance=(Gaussian(input="ankle_torque", share=0.1, interval=0.1),))

@@ -183,7 +183,9 @@ def test_rows_events_and_extremes() -> None:
     run = simulate_tapped(BODY, SWITCHING, settings, x0=START)
     grid = 0.01 * np.arange(801)
     assert np.isin(np.round(grid, 9), np.round(run.t, 9)).all()
-    assert len(run.t) == 801 + len(run.events)
+    # what a switch does is read a delay later, which bends the command; so is the start, on the grid
+    np.testing.assert_allclose(run.leads[:, 0], [DELAY, 2 * DELAY, *(run.events.t + DELAY)], atol=1e-12)
+    assert len(run.t) == 801 + 2 * len(run.events)
     assert (np.diff(run.t) > 0).all()
     at = np.searchsorted(run.t, run.events.t)
     assert run.t[at] == pytest.approx(run.events.t, abs=0)

@@ -202,8 +202,8 @@ class EngineTrack(NamedTuple):
     Attributes:
         t: begin and end of the stretch under way, the last row, and when the next row was due as the stretch began
             [s], shape (4,).
-        marks: guard that ends the stretch, how far it has come, samples of it, why it ends, and samples and rows that
-            were recorded at its begin, shape (6,).
+        marks: guard that ends the stretch, how far it has come, samples of it, why it ends, samples and rows that were
+            recorded at its begin, and whether of two rows at an instant the second is to stay, shape (7,).
         at, y: samples of the stretch under way, their outputs and, if joint, the controller's states, shapes (S,),
             (S, n_y + N_a).
         begin: the engine's state at its begin.

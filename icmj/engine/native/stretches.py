@@ -44,7 +44,9 @@ from icmj.simulation.native.loop import sources as sources_of_loop
 from icmj.simulation.native.taps import (
     BEFORE,
     FALLS,
+    KEPT,
     MEETS,
+    READS,
     SMOOTH,
     TURNS,
     act,
@@ -56,6 +58,7 @@ from icmj.simulation.native.taps import (
     is_sound,
     is_still,
     leave,
+    meets,
     open_stretch,
     remember,
     room,
@@ -255,7 +258,7 @@ def _row_here(engine, plan, progress, record, now, track):  # type: ignore[no-un
 
 
 @compiled
-def _start(engine, plan, record, taps, history, now, reader, track):  # type: ignore[no-untyped-def]
+def _start(engine, plan, progress, record, taps, history, now, reader, track):  # type: ignore[no-untyped-def]
     """Begin the stretch from where the engine is: what acts, and what is known of the command."""
     t, level, b, guard = engine.time[0], now.level[0], engine.block, -1
     longest = min(plan.t_end, plan.edges[now.due[EDGE]])
@@ -272,6 +275,10 @@ def _start(engine, plan, record, taps, history, now, reader, track):  # type: ig
             course = int(b[Slot.AT_COURSE]) + reader.actuators[i] * powers
             for j in range(powers):
                 b[course + j] = reader.b[i] * now.u[i, j]
+    if now.met[READS] != 0 and len(reader.errors.grids) == 0 and t > track.t[2]:  # noise that is read bends everywhere
+        _row_here(engine, plan, progress, record, now, track)
+        progress[0].next_row, track.marks[6] = t, 1
+    track.t[3], track.marks[4], track.marks[5] = progress[0].next_row, record.count[0], record.count[1]
     b[Slot.SINCE], b[Slot.UNIT] = t, taps.unit
     if level < taps.rough and end > t:
         note_rough(record, t)
@@ -286,7 +293,8 @@ def _command(taps, now, track, record):  # type: ignore[no-untyped-def]
         theta = (record.rows[row, 0] - track.t[0]) / taps.unit
         for i in range(len(now.u)):
             record.u[row, i] = evaluate(now.u[i], now.u.shape[1] - 1, theta)
-        record.mode[row] = now.mode[0]
+        again = record.rows[row, 0] <= track.t[2] and track.marks[6] != 0
+        record.mode[row] = KEPT - now.mode[0] if again else now.mode[0]
         track.t[2] = record.rows[row, 0]
     record.count[5] = record.count[1]
 
@@ -394,8 +402,7 @@ def _travel(f):  # type: ignore[no-untyped-def]
             return _STALLED
         if is_due(min(plan.edges[now.due[EDGE]], taps.edges[now.due[SIGNAL]]), time[0]):  # where the run begins
             return ARRIVED
-        _start(engine, plan, record, taps, history, now, reader, track)
-        track.t[3], track.marks[4], track.marks[5] = progress[0].next_row, record.count[0], record.count[1]
+        _start(engine, plan, progress, record, taps, history, now, reader, track)
         if track.t[1] > track.t[0]:
             _depart(engine, plan, progress, record, reader, track)
     t = track.t[0]
@@ -460,10 +467,12 @@ def _travel(f):  # type: ignore[no-untyped-def]
 @exact
 def _note(f, event, acted):  # type: ignore[no-untyped-def]
     track, t = f.track, f.time[0]
-    if event or is_over(f) or f.now.met[TURNS] != 0 or f.now.met[FALLS] != 0:
+    turned, planned = event or f.now.met[TURNS] != 0, acted or meets(f.plan.breaks, t)
+    if turned or planned or is_over(f) or f.now.met[FALLS] != 0:
         _row_here(f.engine, f.plan, f.progress, f.record, f.now, track)
-    if t > 0 and (event or f.now.met[TURNS] != 0 or (acted and track.t[2] < t)):
-        f.progress[0].next_row = t  # the next stretch begins with it, whose command is that from the right
+    if t > 0 and (turned or planned):
+        # the next stretch begins with it, whose command is that from the right
+        f.progress[0].next_row, track.marks[6] = t, 0 if turned else 1
     if event:
         note_event(f.engine, f.record)
         note_rough(f.record, t)

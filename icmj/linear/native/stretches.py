@@ -31,6 +31,8 @@ from icmj.simulation.native.loop import (
 from icmj.simulation.native.taps import (
     BEFORE,
     FALLS,
+    KEPT,
+    READS,
     SMOOTH,
     TURNS,
     act,
@@ -44,6 +46,7 @@ from icmj.simulation.native.taps import (
     is_sound,
     is_still,
     leave,
+    meets,
     open_stretch,
     remember,
     room,
@@ -110,7 +113,8 @@ class Track(NamedTuple):
 
     Attributes:
         t: now, the last row, and when the next row beside those of the interval is due [s], shape (3,).
-        counts: next row by number, rows, events, and stretches until the caller is asked; shape (4,).
+        counts: next row by number, rows, events, stretches until the caller is asked, and whether of two rows at an
+            instant the second is to stay; shape (5,).
         X: state on the stretch, shape (n, p + 1).
         y: outputs, and a row to work in, shape (n_y + 1, p + 1).
         room: to work in, shape (2, p + 1).
@@ -271,7 +275,8 @@ def _row(body, now, track, t, theta):  # type: ignore[no-untyped-def]
         row[1 + i] = evaluate(track.X[i], p, theta)
     for i in range(len(now.u)):
         row[1 + n + i] = evaluate(now.u[i], p, theta)
-    row[1 + n + len(now.u)] = now.mode[0]
+    again = t <= track.t[1] and track.counts[4] != 0
+    row[1 + n + len(now.u)] = KEPT - now.mode[0] if again else now.mode[0]
     track.counts[1] += 1
     _pass_rows(body, track, t)
 
@@ -325,6 +330,9 @@ def _travel(f):  # type: ignore[no-untyped-def]
     if is_due(min(body.edges[now.due[EDGE]], taps.edges[now.due[SIGNAL]]), t):  # where the run begins
         return ARRIVED
     level, end = open_stretch(taps, history, now, t, min(body.end, body.edges[now.due[EDGE]]), now.level[0])
+    if now.met[READS] != 0 and len(body.errors.grids) == 0 and t > track.t[1]:  # noise that is read bends everywhere
+        _row_here(body, now, track, t)
+        track.t[2], counts[4] = t, 1
     _follow(taps, body, now, track, t, end)
     end, guard = cut(taps, now, t, end)
     length = (end - t) / taps.unit
@@ -365,14 +373,15 @@ def _travel(f):  # type: ignore[no-untyped-def]
 def _note(f, event, acted):  # type: ignore[no-untyped-def]
     """Record a row where run or mode end, and an event where the last stretch did, to begin the next interval.
 
-    What an event, a change of mode or an action leads to is in the row with which the next stretch begins: a second one
-    at that instant if what led there is recorded, too.
+    What an event, a change of mode, an action or an edge leads to is in the row with which the next stretch begins: a
+    second one at that instant, which is to stay unless that is an event or a change of mode.
     """
     body, track, t, n, n_y = f.body, f.track, f.track.t[0], len(f.track.X), len(f.body.C)
-    if event or is_over(f) or f.now.met[TURNS] != 0 or f.now.met[FALLS] != 0:
+    turned, planned = event or f.now.met[TURNS] != 0, acted or meets(body.breaks, t)
+    if turned or planned or is_over(f) or f.now.met[FALLS] != 0:
         _row_here(body, f.now, track, t)
-    if t > 0 and (event or f.now.met[TURNS] != 0 or (acted and track.t[1] < t)):
-        track.t[2] = t
+    if t > 0 and (turned or planned):
+        track.t[2], track.counts[4] = t, 0 if turned else 1
     if not event:
         return
     row = track.events[track.counts[2]]

@@ -22,7 +22,7 @@ from math import comb
 
 import numpy as np
 
-from icmj.base.compilation import compiled, merged
+from icmj.base.compilation import compiled, inlined, merged
 from icmj.base.roots import ONE_INSTANT, evaluate, first_root
 from icmj.simulation.native.loop import (
     ACTED,
@@ -44,8 +44,10 @@ from icmj.simulation.native.loop import (
 from icmj.simulation.native.waves import add_waves
 
 SMOOTH = 1 << 20  # the level of a smooth instant
-MEETS, ENDS, SWITCHES, FALLS, MOVES, TURNS = 0, 1, 2, 3, 4, 5  # of now.met
+MEETS, ENDS, SWITCHES, FALLS, MOVES, TURNS, READS = 0, 1, 2, 3, 4, 5, 6  # of now.met
 BEFORE = 1  # of now.mode
+KEPT = -1  # of the row after a jump, whose mode is then written as KEPT - mode: it stays, and not the row before
+_BENDS = 1  # the level of what is read from which on a command is smooth but for its second derivative
 _RUNNING, _COMPLETED, _FELL = int(Status.RUNNING), int(Status.COMPLETED), int(Status.FELL)
 _DIVERGED = 1e12  # of the controller's state
 _MOST_SWITCHES, _SOON = 5000, 1e-3  # so many stretches in a row that end in a switch, none as long as this [units]
@@ -345,10 +347,17 @@ def _command(taps, now):  # type: ignore[no-untyped-def]
             now.u[i, j] = total
 
 
+@inlined
+def meets(instants, t):  # type: ignore[no-untyped-def]
+    """Whether one of rising instants, of which the last is infinite, is ``t``."""
+    return instants[np.searchsorted(instants, t - ONE_INSTANT)] <= t + ONE_INSTANT
+
+
 @compiled
 def open_stretch(taps, history, now, t, longest, level):  # type: ignore[no-untyped-def]
     """The level of the stretch from ``t`` on and its end, ``longest`` at most; ``now.v`` is what is known of it."""
-    level, next_rough = reached(taps, history, t, level)
+    read, next_rough = reached(taps, history, t, SMOOTH)
+    level, now.met[READS] = min(level, read), read <= _BENDS
     end = min(t + taps.unit, next_rough, until(taps, now, t, longest))
     _read(taps, history, now, t, end)
     return level, end
