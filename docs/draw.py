@@ -349,14 +349,7 @@ def _concept(shades: concept.Shades, narrow: bool) -> Picture:
     )
 
 
-_PANELS = (
-    *(
-        f"panels/{name}"
-        for name in ("modulus", "locus", "outputs_over_time", "phase_plane", "open_loop_intervals", "critical_mode")
-    ),
-    *(f"axes/{name}" for name in ("eigenvalues", "outputs", "phase", "intervals", "modes")),
-    *("panel", "sheet", "style"),
-)
+_PANELS = (*(f"axes/{name}" for name in ("eigenvalues", "outputs", "phase", "intervals", "modes")), "sheet", "style")
 PICTURES: dict[str, Picture] = {
     "concept-light.svg": _concept(concept.LIGHT, False),
     "concept-dark.svg": _concept(concept.DARK, False),

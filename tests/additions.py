@@ -868,7 +868,7 @@ for draw, lost in (("sway_path", None), ("sway_diffusion", "stabilogram"), ("swa
         assert gone != lost
     except IcmjError as error:
         assert gone == lost and "\\n" not in str(error), error
-from icmj.report.noise_table import noise  # noqa: F401
+from icmj.report.sections.noise_statistics import compose  # noqa: F401
 from icmj.study.fit_page import write_fit  # noqa: F401
 """,
     alone=True,
@@ -1057,10 +1057,84 @@ icmj.plots.panels(results[0])
 """,
     alone=True,
 )
+SECTIONS = Shelf(
+    "report/sections",
+    "longest_intervals",
+    '''"""The section of the longest intervals: how long each run was left alone at most."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING
+
+from icmj.report import style
+from icmj.report.case_runs import CaseRuns
+from icmj.report.material import Material
+from icmj.report.picture import Drawing
+from icmj.report.section import Section
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def compose(material: Material) -> Section | None:
+    items = [
+        {"title": case.first.run.title, "longest": max(case.last.simulation.events.interval), "picture": picture}
+        for case in material.cases
+        for picture in map(material.show, list_drawings(case))
+    ]
+    return Section("longest", "Longest intervals", TEMPLATE, {"items": items}) if items else None
+
+
+def list_drawings(case: CaseRuns) -> Iterator[Drawing]:
+    if not case.first.simulation.noisy:
+        yield Drawing(f"{case.name}_longest", "Sorted intervals", partial(_draw, case))
+
+
+def _draw(case: CaseRuns) -> Figure:
+    figure, (axes,) = style.new_figure()
+    axes.plot(sorted(case.last.simulation.events.interval))
+    return figure
+
+
+TEMPLATE = """\\
+{% for item in c["items"] %}
+<figure><img src="{{ item.picture.uri }}" alt="{{ item.picture.alt }}">
+<figcaption>Figure {{ next_figure() }}. {{ item.title }}: at most {{ item.longest }} s.</figcaption></figure>
+{% endfor %}
+"""
+''',
+    REPORTED
+    + """
+page = build(*results)
+longest = max(results[0].simulation.events.interval)
+assert '<section id="longest">' in page and '<a href="#longest">Longest intervals</a>' in page
+found = re.findall(r"Figure ([0-9]+)[.] .*: at most (.*) s[.]", page)
+assert found == [("4", str(longest))], found  # after the panels of two cases, and distributions of one
+assert (Path("out/page_figures") / "simple-0.8_longest.pdf").exists()
+""",
+    "",
+    REPORTED
+    + """
+anchors = {"summary_table": "summary", "paper_statements": "statements", "case_panels": "figures",
+           "noise_statistics": "noise", "coexisting_attractors": "attractors", "rival_controllers": "controllers",
+           "other_controllers": "others", "design_matrices": "design", "run_settings": "settings"}
+for name in ("one-link-delayed-pd", "one-link-switching"):
+    run = icmj.load_run(name).with_(**{"simulation.duration": 20.0})
+    results.append(icmj.run_case(run, "linear"))
+page = build(*results)
+shown = [anchor for name, anchor in anchors.items() if name != sys.argv[1]]
+assert re.findall('<section id="(.*)">', page) == shown, re.findall('<section id="(.*)">', page)
+assert [int(n) for n in re.findall(r"<b>Figure ([0-9]+)[.]</b>", page)] == list(range(1, page.count("<b>Figure ") + 1))
+""",
+    alone=True,
+)
 SHELVES = {
     "formats of recordings": FORMATS, "shapes": SHAPES, "event rules": RULES, "controllers": CONTROLLERS,
     "kinds of experiments": KINDS, "measures of sway": MEASURES, "commands": COMMANDS,
     "panels of the report": PANELS,
+    "sections of the report": SECTIONS,
 }  # fmt: skip
 
 

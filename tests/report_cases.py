@@ -17,7 +17,12 @@ from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.trigger import Continuous
 from icmj.linear.run import simulate
 from icmj.plant.linear_plant import LinearPlant, transformation
+from icmj.report.case_runs import CaseRuns
+from icmj.report.material import Material
 from icmj.report.panels import PANELS
+from icmj.report.picture import Drawing, Picture
+from icmj.report.section import Section
+from icmj.report.sections import SECTIONS
 from icmj.simulation.pressure import Pressure
 
 MODELS = Path(__file__).parents[1] / "models"
@@ -127,3 +132,24 @@ def whole_report(base: Path) -> Path:
     folder = base / "whole_report"
     build_report(everything(), folder / "report.html")
     return folder
+
+
+class Undrawn(Material):
+    """Material whose pictures are not drawn."""
+
+    def show(self, drawing: Drawing) -> Picture:
+        return Picture(drawing.name, "data:,", drawing.alt)
+
+    draw = show
+
+
+def compose(name: str, cases: list[CaseRuns]) -> Section | None:
+    """A section of a report on these cases, without its pictures."""
+    return SECTIONS[name].compose(Undrawn(Path(), cases))
+
+
+def context_of(name: str, cases: list[CaseRuns]) -> dict:
+    """What the template of a section prints, which is there."""
+    section = compose(name, cases)
+    assert section is not None
+    return section.context

@@ -32,8 +32,9 @@ WHY = {"definition", "setting", "source", "example"}
 PAGES = ["README.md", "paper/paper.md", *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md"))]
 REPORT = [
     *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "icmj/report/templates").glob("*.j2")),
-    *(f"icmj/report/{name}.py" for name in ("sections", "summary", "noise_table", "overview", "wording")),
-    *(f"icmj/report/{name}.py" for name in ("judgement", "designs", "run_settings")),
+    *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "icmj/report/sections").glob("*.py")),
+    *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "icmj/report/panels").glob("*.py")),
+    *(f"icmj/report/{name}.py" for name in ("headline", "abstract", "overview", "wording", "judgement")),
     *(f"icmj/report/{name}.py" for name in ("statements", "experiment", "findings")),
     "icmj/study/fit_page.py",
     *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "icmj/study/kinds").glob("*.py")),
@@ -78,13 +79,17 @@ def sentences(text: str) -> Iterator[str]:
             yield from re.split(r"(?<=[.!?:])[*_)]*\s+(?=[*_(]*[A-ZΔ`$\[(])", said)
 
 
+def strip_markup(template: str) -> str:
+    """What a template prints as it stands, with dots where it prints a value."""
+    text = re.sub(r"\{%.*?%\}|\{#.*?#\}", " ", template, flags=re.S)
+    return re.sub(r"<[^>]*>", "\n\n", re.sub(r"\{\{.*?\}\}", "…", text, flags=re.S))
+
+
 def printed(path: Path) -> Iterator[str]:
     """Sentences that a source of the report prints: text of a template, or strings that are no docstrings."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".j2":
-        text = re.sub(r"\{%.*?%\}|\{#.*?#\}", " ", text, flags=re.S)
-        text = re.sub(r"<[^>]*>", "\n\n", re.sub(r"\{\{.*?\}\}", "…", text, flags=re.S))
-        yield from sentences(text)
+        yield from sentences(strip_markup(text))
         return
     tree = ast.parse(text)
     documentation = {
@@ -94,7 +99,10 @@ def printed(path: Path) -> Iterator[str]:
     }
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in documentation:
-            yield from sentences(node.value if " " in node.value.strip() else "")
+            template = "{{" in node.value or "{%" in node.value
+            yield from sentences(
+                strip_markup(node.value) if template else node.value if " " in node.value.strip() else ""
+            )
 
 
 def states(sentence: str) -> bool:

@@ -15,7 +15,6 @@ TOGETHER = {
     "fitting/recordings": "trials, and the public ones among them",
     "measurement/measurement": "a motion, and its growth",
     "report/findings": "figures of fits and experiments, small ones",
-    "report/many_runs": "sections, each for itself",
     "series/plates": "the load of plates, and what is left out by it",
     "study/kind": "what a kind of experiment offers, and what all of them share",
     "study/periodic_response": "a response, and its figure",

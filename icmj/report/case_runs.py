@@ -86,3 +86,8 @@ def compares(case: CaseRuns) -> bool:
 def shown_interval(case: CaseRuns) -> float | None:
     """Δ_crit [s] where the intervals of the runs are compared with it."""
     return case.prediction.delta_crit if compares(case) else None
+
+
+def is_noisy(case: CaseRuns) -> bool:
+    """Whether noise acts in a case, so that no cycle can be reached in it."""
+    return case.first.run.simulation.settings().noisy

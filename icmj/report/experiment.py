@@ -12,8 +12,9 @@ import numpy as np
 
 from icmj.base.numbers import MISSING, count, number, readable
 from icmj.report import style
-from icmj.report.builder import render_page
-from icmj.report.sections import Picture, Section
+from icmj.report.page import render_page
+from icmj.report.picture import Picture
+from icmj.report.section import Section
 
 PLANTS = {"linear": "linear plant", "mujoco": "MuJoCo", "recording": "recorded"}
 ROUNDING = 1e-9  # a share, or a relative scatter, below which there is nothing but rounding
@@ -98,8 +99,8 @@ def experiment_page(
     methods = {"words": [kind.methods(recorded), _SAME, *((norms.words,) if norms else ()), *map(_end, notes)]}
     return render_page(
         [
-            Section("results", "Results", "experiment.html.j2", results),
-            Section("methods", "Methods", "methods.html.j2", methods),
+            Section("results", "Results", _RESULTS, results),
+            Section("methods", "Methods", _METHODS, methods),
         ],
         title=title,
         subtitle=_subtitle(rows, files),
@@ -214,3 +215,33 @@ def _norm(norms: Norms, name: str, factor: float) -> str:
         return MISSING
     mean, spread = norms.values[name]
     return f"{number(factor * mean, 3)} ± {number(factor * spread, 2)}"
+
+
+_RESULTS = """\
+{% if c.picture %}
+<figure class="law">
+<div class="panel"><img src="{{ c.picture.uri }}" alt="{{ c.picture.alt }}" style="max-width: 46rem"></div>
+<figcaption><b>Figure {{ next_figure() }}.</b> {{ c.caption }}</figcaption>
+</figure>
+{% endif %}
+<div class="wide"><table class="stack across">
+<caption><b>Table {{ next_table() }}.</b> Results of each case. {{ c.note }}</caption>
+<thead>
+<tr><th scope="col"{% if c.plants %} rowspan="2"{% endif %}></th>{% for title, span in c.heads %}<th scope="colgroup" colspan="{{ span }}">{{ title }}</th>{% endfor %}</tr>
+{% if c.plants %}<tr>{% for plant in c.plants %}<th scope="col">{{ plant }}</th>{% endfor %}</tr>
+{% endif %}
+</thead>
+<tbody>
+<tr><th scope="row">trials</th>{% for value in c.trials %}<td data-label="{{ c['labels'][loop.index0] }}">{{ value }}</td>{% endfor %}</tr>
+{% for name, cells in c.lines %}
+<tr><th scope="row">{{ name }}</th>{% for value in cells %}<td data-label="{{ c['labels'][loop.index0] }}">{{ value }}</td>{% endfor %}</tr>
+{% endfor %}
+</tbody>
+</table></div>
+"""  # noqa: E501
+
+_METHODS = """\
+{% for said in c.words %}
+<p>{{ said }}</p>
+{% endfor %}
+"""

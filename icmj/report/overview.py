@@ -10,7 +10,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.report import style
-from icmj.report.case_runs import CaseRuns
+from icmj.report.case_runs import CaseRuns, is_noisy
 from icmj.report.judgement import judge_run
 from icmj.report.notation import unbroken
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-from icmj.report.summary import is_noisy
 
 WIDTH, ROW, ABOVE, BELOW = 140.0, 5.6, 11.5, 10.5  # mm
 NARROW, TALL, ROOF = 88.0, 9.6, 16.5  # mm: width, height of a row and space above the rows on a telephone
@@ -167,3 +166,21 @@ def _verdict(case: CaseRuns) -> tuple[str, str]:
     """Mark and word of the plant drawn last, which is the one that need not agree."""
     mark, word, _ = judge_run(case.comparisons[case.last.simulation.plant])
     return (mark, word) if mark in COLOUR else ("", word or "–")
+
+
+CAPTION = (
+    "Each row is a case. Broad bar: the open-loop interval Δ_crit that linear theory predicts, hollow where it "
+    "predicts no cycle. Marks: the intervals Δ_ol between the last events of the simulated runs. A mark on its bar "
+    "agrees with the prediction; the relative error shows how closely (the further left, the closer). {}"
+)
+ARROW = "Arrow: the intervals grow without bound. "
+NOISE = "Line: mean and standard deviation of the intervals under noise. "
+PLANT = "Linear plant: the body’s own equations, linearised at the pose in which it is balanced. "
+WORDS = "✓ agrees with the prediction; ○ a cycle that is not predicted; ✗ a predicted, attracting cycle is not reached."
+
+
+def describe_overview(cases: Sequence[CaseRuns]) -> str:
+    """What the overview shows of these cases, in words."""
+    grows = any(c.measured.kind == "homoclinic" for case in cases for c in case.comparisons.values())
+    linearised = any(case.linear is not None and case.first.run.on_engine for case in cases)
+    return CAPTION.format(PLANT * linearised + ARROW * grows + NOISE * any(map(is_noisy, cases)) + WORDS)

@@ -29,13 +29,13 @@ from icmj.errors import ReportError
 from icmj.experiments.reconstruction import Reconstruction
 from icmj.experiments.refractoriness import Refractoriness
 from icmj.measurement.sway import Sway
-from icmj.report import noise_figures
 from icmj.report.axes.eigenvalues import draw_locus, draw_modulus, draw_scale
 from icmj.report.axes.hold_error import draw_hold_error
 from icmj.report.axes.inputs import acting_inputs, draw_acting
 from icmj.report.axes.intervals import draw_interval_errors, draw_intervals
 from icmj.report.axes.law import draw_law
 from icmj.report.axes.modes import draw_critical, draw_mode_errors, draw_norm, draw_others
+from icmj.report.axes.noise import draw_histogram, draw_spectrum
 from icmj.report.axes.outputs import draw_output
 from icmj.report.axes.phase import draw_phase
 from icmj.report.axes.pressure import draw_pressure, pressed_axes
@@ -155,14 +155,14 @@ def state_norm(axes: Axes, *results: Result, legend: bool = True) -> Axes:
 
 def interval_histogram(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """Density of the open-loop intervals of runs under noise; dotted: Δ_crit, dashed: the minimum interval."""
-    noise_figures.draw_histogram(axes, _under_noise(_case(results)))
+    draw_histogram(axes, _under_noise(_case(results)))
     return _legend(axes, legend)
 
 
 def spectrum(axes: Axes, *results: Result, output: int | str = 0, legend: bool = True) -> Axes:
     """Power spectrum of one output, by number or name, of runs under noise, with its 95 % confidence."""
     case = _under_noise(_case(results))
-    noise_figures.draw_spectrum(axes, case, _output(case, output))
+    draw_spectrum(axes, case, _output(case, output))
     return _legend(axes, legend)
 
 

@@ -1,4 +1,4 @@
-"""A section of the page: a heading, a template, and the facts and pictures that the template prints."""
+"""A section of a page: an anchor, a heading, a template, and the facts and pictures that the template prints."""
 
 from __future__ import annotations
 
@@ -8,39 +8,19 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A drawn figure: its file name without suffix, its SVG as a data URI, and its alternative text.
-
-    ``linked`` says where its axes of time, or its plane, are in it, as :func:`icmj.report.style.links` writes it.
-    """
-
-    name: str
-    uri: str
-    alt: str
-    linked: str = ""
-
-
-@dataclass(frozen=True)
-class DrawnPanel:
-    """A panel of one case on the page: letter, picture, and caption."""
-
-    letter: str
-    picture: Picture
-    caption: str
-
-
-@dataclass(frozen=True)
 class Section:
-    """One section of the page.
+    """One section of a page.
 
     Attributes:
         anchor: its id in the page.
         title: heading.
-        template: file name in ``templates``.
+        template: Jinja source of its body; it knows the context as ``c``, and what is known to the whole page.
         context: what the template prints.
+        listed: anchor and title of each part that the contents of the page list below the section.
     """
 
     anchor: str
     title: str
     template: str
     context: Mapping[str, Any] = field(default_factory=dict)
+    listed: tuple[tuple[str, str], ...] = ()

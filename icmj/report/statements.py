@@ -1,13 +1,10 @@
-"""The paper's statements, answered, and what differs from the paper.
-
-Answers to the paper's statements: each check reads a verdict and its reason from the runs of a case.
-"""
+"""The paper's statements: what each says, and the check that reads its verdict and reason from the runs of a case."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -15,8 +12,6 @@ from icmj.base.numbers import eigenvalue, error, number
 from icmj.case.comparison import halves
 from icmj.plant.linear_plant import transformation
 from icmj.report.case_runs import CaseRuns
-from icmj.report.judgement import verdicts
-from icmj.report.section import Section
 from icmj.report.style import NAME
 
 Verdict = Literal["reproduced", "reproduced with a reservation", "not reproduced"]
@@ -302,58 +297,6 @@ def find_untested(cases: Sequence[CaseRuns]) -> list[Statement]:
     return [statement for statement in STATEMENTS if statement.figure not in figures]
 
 
-@dataclass(frozen=True)
-class Departure:
-    """Where this project departs from the paper, and why."""
-
-    title: str
-    text: str
-
-
-def differences(cases: Sequence[CaseRuns]) -> list[Departure]:
-    """The departures that concern these cases."""
-    figures = {case.first.run.case.paper.figure for case in cases} - {""}
-    found = []
-    if "simple-neglected" in figures:
-        found.append(
-            Departure(
-                "A probable misprint",
-                "For the neglected dynamics the paper prints a damping ratio ζ = 0.5 (and omits a factor s next to "
-                "it). With this value the recovered design has Δ_crit = 2.169 s and a stable A − Bk; the paper has "
-                "3.6 s and an unstable A − Bk. With ζ = 0.1 both statements of the paper hold. Since the paper does "
-                "not print its design, 0.5 is only probably a misprint. ζ = 0.1 is taken as the case of the paper, "
-                "and ζ = 0.5 is shown in addition, “as printed”.",
-            )
-        )
-    if any(figure.startswith("three=") for figure in figures):
-        found.append(
-            Departure(
-                "The three-link plant is a calibration",
-                "The paper takes its standing model from earlier work and prints none of its parameters. Here the "
-                "segments are those of Winter (2009) for a person of 80 kg and 1.80 m; passive stiffness and damping "
-                "of the joints were chosen to obtain both published intervals. It is not the author’s model.",
-            )
-        )
-    if figures:
-        found.append(
-            Departure(
-                "The design was recovered",
-                "The paper prints no weights. One set of LQ weights was found by a search such that the intervals of "
-                "its two second-order systems agree with the printed ones; it is used for all of them. These intervals "
-                "therefore test the design less than the periods, the mirrored halves and the convergence do. The "
-                "weights of the three-link system are part of its calibration.",
-            )
-        )
-        found.append(
-            Departure(
-                "Choices of this study",
-                "The paper does not print Q_t, q_t, Δ_min, initial states and durations either. Δ_crit does not depend "
-                "on them; they determine the amplitude, and which attractor a run reaches.",
-            )
-        )
-    return found
-
-
 PERIOD = "The output becomes periodic with period Δ_crit."
 
 MIRRORED = "The output becomes periodic with period 2Δ_crit, its two halves mirrored."
@@ -409,33 +352,3 @@ STATEMENTS: tuple[Statement, ...] = (
         require_damping(continuous_unstable),
     ),
 )
-
-
-def statements(cases: Sequence[CaseRuns]) -> Section:
-    """Every statement of the paper's section "Features to note", answered."""
-    groups: dict[str, dict[str, Any]] = {}
-    for item in answer(cases):
-        paper = item.case.first.run.case.paper
-        group = groups.setdefault(
-            item.case.name,
-            {"title": item.case.first.run.title, "note": paper.note, "figure": paper.figure, "items": []},
-        )
-        group["items"].append(item)
-    extra = [{"title": case.first.run.title, "note": _note(case)} for case in cases if case.name not in groups]
-    return Section(
-        "statements",
-        "The paper’s statements",
-        "statements.html.j2",
-        {
-            "groups": list(groups.values()),
-            "extra": extra,
-            "untested": find_untested(cases),
-            "total": len(STATEMENTS),
-            "differences": differences(cases),
-        },
-    )
-
-
-def _note(case: CaseRuns) -> str:
-    """The run file's note on a case that the paper does not have, and what its runs say beyond the prediction."""
-    return " ".join([case.first.run.case.paper.note or "Not in the paper.", *verdicts(case)])

@@ -1,4 +1,4 @@
-"""Sentences that several sections of the page say: how far a body sways, and what notices mean."""
+"""Words that several parts of a page use: how far a body sways, which control a run is under, what notices mean."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from icmj.base.array import is_between
 from icmj.case.quantity import quantities
 
 if TYPE_CHECKING:
-    from icmj.case.result import PredictedResult
+    from icmj.case.result import PredictedResult, Result
 
 NAMED = 3  # outputs whose swing a sentence gives
 
@@ -66,3 +66,20 @@ def notice_in_words(notice: str, where: str = "") -> str:
     if not colon:
         name, words = "note", notice
     return f"{name[:1].upper()}{name[1:]}{f' ({where})' if where else ''}. {words[:1].upper()}{words[1:]}."
+
+
+def kind_in_words(run: Result) -> str:
+    """The kind of a controller; switched feedback that never switches is continuous."""
+    facts = run.controller.facts()
+    return "continuous" if facts.get("switches") is False else run.controller.kind
+
+
+def list_rms(run: Result) -> list[str]:
+    """RMS of every output over the second half of a run, weighted by time, in the unit that people read."""
+    simulation, scale = run.simulation, np.array([shown.factor for shown in quantities(run.actual)])
+    late = is_between(simulation.t, simulation.t[-1] / 2)
+    t, y = simulation.t[late], simulation.y[late]
+    length = float(t[-1] - t[0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        rms = np.sqrt(np.trapezoid(y**2, t, axis=0) / length) if length > 0 else np.full(y.shape[1], np.nan)
+    return [numbers.number(float(value), 3) for value in rms * scale]

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from io import BytesIO
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +32,6 @@ from icmj.fitting.posterior import PREDICTION_CAVEAT as PREDICTION
 from icmj.fitting.recordings import MEASURE_UNITS, MEASURES, measures, summarise
 from icmj.measurement.measures import numbers_of
 from icmj.report import style
-from icmj.report.builder import render_page
 from icmj.report.findings import (
     calibration_figure,
     confusion_figure,
@@ -43,7 +41,9 @@ from icmj.report.findings import (
     sway_figure,
 )
 from icmj.report.notation import symbol
-from icmj.report.sections import Picture, Section
+from icmj.report.page import render_page
+from icmj.report.picture import Picture
+from icmj.report.section import Section
 from icmj.study.fit import PREDICTED, FamilyFit, Fit, Subject, TrainedFamily, simulate_member
 
 if TYPE_CHECKING:
@@ -216,25 +216,24 @@ def _archive(found: Fit, one: FamilyFit, path: Path) -> None:
 
 def _sections(found: Fit, out: Path) -> list[Section]:
     """The parts of the page, whose figures are written beside it."""
-    number = count(1)
     reliable = [f"{one}." for one in (PREDICTION, VERDICT, ORIGIN)]
     parts = [("sway", "Sway, and what was inferred", [_overview(found)])]
     if found.confusion is not None:
-        parts.append(("family", "Which family", [_choice_item(found, out, number)]))
-    groups = [_groups_item(found, name, each, out, number) for name, each in found.differences.items() if each]
+        parts.append(("family", "Which family", [_choice_item(found, out)]))
+    groups = [_groups_item(found, name, each, out) for name, each in found.differences.items() if each]
     if groups:
         parts.append(("groups", "Groups", groups))
     drawn = _SHOWN * len(found.trained)
-    people = [_person_item(found, one, out, i < drawn, number) for i, one in enumerate(found.fitted)]
+    people = [_person_item(found, one, out, i < drawn) for i, one in enumerate(found.fitted)]
     parts.append(("people", "Each person" if len(found.people) > 1 else "Posterior and prediction", people))
-    families = [_family_item(each, out, number) for each in found.trained.values()]
+    families = [_family_item(each, out) for each in found.trained.values()]
     parts.append(("reliability", "How reliable this is", [_item("", reliable, [], []), *families]))
     words = [METHODS, *(trained.words for trained in found.trained.values())]
     parts.append(("methods", "Methods", [_item("", words, [], [])]))
-    return [Section(anchor, title, "fit.html.j2", {"items": items}) for anchor, title, items in parts]
+    return [Section(anchor, title, _TEMPLATE, {"items": items}) for anchor, title, items in parts]
 
 
-def _choice_item(found: Fit, out: Path, number: Iterator[int]) -> dict[str, Any]:
+def _choice_item(found: Fit, out: Path) -> dict[str, Any]:
     c, probabilities = found.confusion, found.probabilities
     assert c is not None
     assert probabilities is not None
@@ -244,12 +243,10 @@ def _choice_item(found: Fit, out: Path, number: Iterator[int]) -> dict[str, Any]
     caption = "Synthetic people: the family that they were simulated with, and the one to which they are assigned."
     titles = ("Probability of each family", "Synthetic people whose noise no family assumes")
     tables = [(titles[0], ("", *c.families), rows), (titles[1], *TRIED)]
-    return _item("", words, tables, [(next(number), *picture, caption)])
+    return _item("", words, tables, [(*picture, caption)])
 
 
-def _groups_item(
-    found: Fit, name: str, differences: Sequence[Difference], out: Path, number: Iterator[int]
-) -> dict[str, Any]:
+def _groups_item(found: Fit, name: str, differences: Sequence[Difference], out: Path) -> dict[str, Any]:
     tested = [one for one in differences if np.isfinite(one.p)]
     known = {one.name.partition(", ")[0] for one in tested}
     names = dict.fromkeys(one.name.partition(", ")[0] for one in differences)
@@ -269,7 +266,7 @@ def _groups_item(
     value, low, high = (np.array([getattr(one, key) for one in tested]) for key in ("value", "low", "high"))
     figure = groups_figure(labels, value, low, high, [one.verdict for one in tested])
     caption = "The differences of the table, with 95 % intervals; orange: those that are significant."
-    shown = [(next(number), *_picture(figure, out, f"groups.{name}"), caption)]
+    shown = [(*_picture(figure, out, f"groups.{name}"), caption)]
     return _item(found.trained[name].family.title, words, [(title, head, rows)], shown)
 
 
@@ -401,7 +398,7 @@ def _spread(values: Array) -> str:
     return f"{mean} ± {number_of(float(values.std(ddof=1)), 2)}" if len(values) > 1 else mean
 
 
-def _family_item(trained: TrainedFamily, out: Path, number: Iterator[int]) -> dict[str, Any]:
+def _family_item(trained: TrainedFamily, out: Path) -> dict[str, Any]:
     c, prior = trained.calibration, trained.family.prior
     rows = [
         (
@@ -422,10 +419,10 @@ def _family_item(trained: TrainedFamily, out: Path, number: Iterator[int]) -> di
     picture = _picture(calibration_figure(names, c.ranks, c.verdicts), out, f"calibration.{trained.family.name}")
     caption = "Distribution of the ranks of the true parameters minus the uniform one, with the 95 % band at each rank."
     title = trained.family.title
-    return _item(title, words, [("Calibration", head, rows)], [(next(number), *picture, caption)])
+    return _item(title, words, [("Calibration", head, rows)], [(*picture, caption)])
 
 
-def _person_item(found: Fit, one: FamilyFit, out: Path, drawn: bool, number: Iterator[int]) -> dict[str, Any]:
+def _person_item(found: Fit, one: FamilyFit, out: Path, drawn: bool) -> dict[str, Any]:
     trained, p = found.trained[one.family], one.predictive
     prior, verdicts = trained.family.prior, trained.calibration.verdicts
     factors, units = zip(*(readable(unit) for unit in prior.units), strict=True)
@@ -440,7 +437,7 @@ def _person_item(found: Fit, one: FamilyFit, out: Path, drawn: bool, number: Ite
         names = [math_name(name) for name in prior.names]
         figure = posterior_figure(names, units, one.theta * factors, sample * factors, verdicts)
         caption = "Posterior (blue) and prior (grey) of each parameter; its verdict stands above it."
-        pictures.append((next(number), *_picture(figure, out, f"posterior.{stem}"), caption))
+        pictures.append((*_picture(figure, out, f"posterior.{stem}"), caption))
         runs = [simulate_member(trained.family, theta, i) for i, theta in enumerate(one.theta[:6])]
         shown = [cop for cop in runs if cop is not None][: len(one.person.trials)]
         scale, of = zip(*(readable(unit) for unit in MEASURE_UNITS), strict=True)
@@ -451,7 +448,7 @@ def _person_item(found: Fit, one: FamilyFit, out: Path, drawn: bool, number: Ite
             "(dots; orange where outside), and median and 90 % interval of simulated ones, which covered only 69 to "
             "84 % of the values of people who had no part in setting up the families."
         )
-        pictures.append((next(number), *_picture(figure, out, f"sway.{stem}"), caption))
+        pictures.append((*_picture(figure, out, f"sway.{stem}"), caption))
     head = ("", "Median", "5 %", "95 %", "Verdict")
     title = f"{one.person.label}: {trained.family.title}"
     return _item(title, [words_of(one)], [("Posterior", head, rows)], pictures)
@@ -495,3 +492,30 @@ def _picture(figure: Figure, out: Path, name: str) -> tuple[Picture, str]:
     write_bytes(out / f"{name}.png", png.getvalue())
     uri = f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
     return Picture(name, uri, name), f"{6.9 * figure.get_size_inches()[0]:.1f}rem"
+
+
+_TEMPLATE = """\
+{% for item in c['items'] %}
+{% if item.title %}<h3>{{ item.title }}</h3>{% endif %}
+{% for said in item.words %}
+<p>{{ said|notation }}</p>
+{% endfor %}
+{% for title, head, rows in item.tables %}
+<div class="wide"><table class="stack">
+<caption><b>Table {{ next_table() }}.</b> {{ title }}</caption>
+<thead><tr>{% for name in head %}<th scope="col">{{ name }}</th>{% endfor %}</tr></thead>
+<tbody>
+{% for row in rows %}
+<tr>{% for value in row %}{% if loop.first %}<th scope="row">{{ value|notation }}</th>{% else %}<td data-label="{{ head[loop.index0] }}">{{ value }}</td>{% endif %}{% endfor %}</tr>
+{% endfor %}
+</tbody>
+</table></div>
+{% endfor %}
+{% for picture, wide, caption in item.pictures %}
+<figure class="law">
+<div class="panel"><img src="{{ picture.uri }}" alt="{{ picture.alt }}" style="max-width: {{ wide }}"></div>
+<figcaption><b>Figure {{ next_figure() }}.</b> {{ caption }}</figcaption>
+</figure>
+{% endfor %}
+{% endfor %}
+"""  # noqa: E501

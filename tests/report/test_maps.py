@@ -12,7 +12,7 @@ from icmj.case.sweep_table import SweepTable
 from icmj.errors import ReportError
 from icmj.report.map_grid import edges, grid
 from icmj.report.maps import motions, regions
-from icmj.report.sweep_pictures import pictures
+from icmj.report.sections.swept_maps import pictures
 
 B, Q = np.linspace(0.8, 1.2, 9), np.geomspace(1e-3, 1e-1, 21)
 

@@ -6,7 +6,7 @@ from functools import cache
 import pytest
 from log_cases import assert_same
 from matplotlib.figure import Figure
-from report_cases import PAPER_PANELS, result
+from report_cases import PAPER_PANELS, compose, context_of, result
 
 from icmj import Result, build_report, measure, parse_run, statistics
 from icmj.case.comparison import compare, to_json
@@ -16,13 +16,11 @@ from icmj.log.archive import pack, unpack
 from icmj.log.summary import summarise as properties
 from icmj.log.summary import write_markdown
 from icmj.plant.linear_plant import transformation
-from icmj.report import sections
+from icmj.report.abstract import abstract
+from icmj.report.axes.noise import draw_histogram
 from icmj.report.case_runs import pair, shown_interval
-from icmj.report.noise_figures import draw_histogram
-from icmj.report.noise_table import estimate
-from icmj.report.sections import Picture
+from icmj.report.sections.noise_statistics import estimate
 
-PICTURE = Picture("a", "data:", "a")
 NOISE = """
 [[simulation.disturbance]]
 kind = "noise"
@@ -60,14 +58,14 @@ def test_measures_of_a_person_stand_beside_those_of_young_people() -> None:
     """In millimetres; a body of another size has none."""
     swayed = replace(noisy(), sway={"cop.x.rms": 4.12e-3, "cop.x.speed": 7.04e-3, "cop.x.frequency.mean": 0.272})
     assert unpack(*pack(swayed)).sway == swayed.sway
-    section = sections.noise(pair([swayed]), {"noisy": (PICTURE, PICTURE)}, 1)
+    section = compose("noise_statistics", pair([swayed]))
     assert section is not None
     sway = section.context["items"][0]["sway"]
     assert sway["heads"] == ["linear plant", "young people"]
     assert sway["rows"][0] == ("RMS (mm)", "4.12", "4.74 ± 1.6")
     assert sway["rows"][1] == ("mean speed (mm/s)", "7.04", "7.99 ± 4.6")
     assert ("mean frequency (Hz)", "0.272", "0.252 ± 0.13") in sway["rows"]
-    section = sections.noise(pair([noisy()]), {"noisy": (PICTURE, PICTURE)}, 1)
+    section = compose("noise_statistics", pair([noisy()]))
     assert section is not None
     assert section.context["items"][0]["sway"] is None
 
@@ -105,15 +103,15 @@ def test_the_summary_has_every_number_with_its_confidence() -> None:
 
 def test_a_noisy_case_is_not_counted_among_the_cycles() -> None:
     both = pair([result("b0.8"), noisy()])
-    assert "Of the 1 case without noise below, linear theory predicts a limit cycle for 1." in (sections.abstract(both))
-    quiet, row = sections.summary(both).context["rows"]
+    assert "Of the 1 case without noise below, linear theory predicts a limit cycle for 1." in abstract(both)
+    quiet, row = context_of("summary_table", both)["rows"]
     assert (quiet["runs"]["linear"]["mark"], row["runs"]["linear"]["mark"]) == ("✓", "–")
     assert row["runs"]["linear"]["error"] == ""
-    assert [error["title"] for error in sections.summary(both).context["errors"]] == [quiet["title"]]
+    assert [error["title"] for error in context_of("summary_table", both)["errors"]] == [quiet["title"]]
 
 
 def test_without_noise_there_is_no_section() -> None:
-    assert sections.noise(pair([result("b0.8")]), {}, 1) is None
+    assert compose("noise_statistics", pair([result("b0.8")])) is None
     assert estimate(None) == "–"
 
 

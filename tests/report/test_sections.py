@@ -7,25 +7,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_cases import CASES, PAPER_PANELS, PENDULUM, design_of, everything, result, run_text
+from report_cases import CASES, PAPER_PANELS, PENDULUM, compose, context_of, design_of, everything, result, run_text
 
 import icmj
 from icmj import LinearPlant, Settings, SwitchingPD, parse_run
 from icmj.case.result import Attractor, Result
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.controller.trigger import EventRule, Faces
-from icmj.report import many_runs, sections, style
-from icmj.report.builder import render_page
+from icmj.report import style
+from icmj.report.abstract import abstract
 from icmj.report.case_runs import pair
 from icmj.report.experiment import Row, experiment_page
+from icmj.report.headline import headline
 from icmj.report.overview import overview_figure
-from icmj.report.rivals import rivals
+from icmj.report.page import render_page
+from icmj.report.sections import SECTIONS
+from icmj.report.sections.rival_controllers import rivals
 from icmj.study.kinds.double_step import DoubleStepTable
 from icmj.study.kinds.quiet_standing import QuietStandingTable
 
 
 def rows():
-    return {row["anchor"]: row for row in sections.summary(pair(everything())).context["rows"]}
+    return {row["anchor"]: row for row in context_of("summary_table", pair(everything()))["rows"]}
 
 
 def test_summary_has_all_four_columns_side_by_side():
@@ -42,7 +45,7 @@ def test_notices_on_a_run_stand_below_its_case():
     linear, engine = result("b0.8"), result("b0.8", "mujoco")
     both = "kink: <b>the limits</b> of the actuator"
     runs = [replace(linear, notices=(both,)), replace(engine, notices=(both, "large step: 0.1 s is long"))]
-    verdicts = sections.summary(pair(runs)).context["rows"][0]["verdicts"]
+    verdicts = context_of("summary_table", pair(runs))["rows"][0]["verdicts"]
     assert verdicts[-2:] == ["Kink. <b>the limits</b> of the actuator.", "Large step (MuJoCo). 0.1 s is long."]
     assert not any("Kink" in words for row in rows().values() for words in row["verdicts"])
 
@@ -51,7 +54,7 @@ def test_notices_on_a_run_stand_below_its_case():
     *((name, True) for name in ("b0.8", "b1.2", "b1.7", "three-link", "neglected")), ("printed", False), ("exact", None)
 ])  # fmt: skip
 def test_agreement_with_the_printed_value(name, agrees):
-    assert sections.agrees_with_paper(pair([result(name)])[0]) is agrees
+    assert SECTIONS["summary_table"].agrees_with_paper(pair([result(name)])[0]) is agrees
     departs = any("Differs from the paper" in words for words in rows()[name]["verdicts"])
     assert departs is (agrees is False)
 
@@ -141,18 +144,18 @@ def test_no_caption_speaks_of_light_and_dark():
 
 
 def test_a_missing_plant_has_dashes():
-    row = sections.summary(pair([result("b0.8")])).context["rows"][0]
+    row = context_of("summary_table", pair([result("b0.8")]))["rows"][0]
     assert (row["runs"]["mujoco"]["interval"], row["runs"]["mujoco"]["mark"]) == ("–", "–")
     assert row["verdicts"] == ["Linear plant: settles on the predicted cycle (period is one interval)."]
 
 
 def test_errors_name_every_output():
-    errors = sections.summary(pair([result("three-link")])).context["errors"]
+    errors = context_of("summary_table", pair([result("three-link")]))["errors"]
     assert [part.split()[0] for part in errors[0]["amplitude"].split("; ")] == ["shank", "thigh", "trunk"]
 
 
 def test_abstract_counts():
-    text = sections.abstract(pair(everything()))
+    text = abstract(pair(everything()))
     assert f"Of the {len(CASES)} cases below, linear theory predicts a limit cycle for 5." in text
     assert "Gawthrop (2017) lists 24 statements, 17 of which are results" in text
     assert "These runs test 14 of them: 9 are reproduced without and 4 with a reservation, 1 not." in text
@@ -162,13 +165,13 @@ def test_abstract_counts():
 
 def test_the_headline_counts_the_cases_in_which_no_cycle_is_predicted():
     """It ended "prediction and measurement agree" and left them out; then it did not say which cycles they are."""
-    text = sections.headline(pair(everything()))
+    text = headline(pair(everything()))
     assert "predicts a limit cycle in 5 of 7 cases" in text
     found = result("b1.7")
     every = f"with events every {found.measurement.interval:.3f} s on average for “{found.run.case.title}”"
     assert f"settles on another cycle, {every}" in text
     assert text.endswith("; in 1 other case it settles on none.")
-    text = sections.headline(pair([result("b0.8"), result("exact")]))
+    text = headline(pair([result("b0.8"), result("exact")]))
     assert text.endswith("Where it predicts none, none is reached.")  # the intervals grow, as predicted
 
 
@@ -177,16 +180,16 @@ def test_where_no_cycle_is_predicted_the_interval_stands_in_brackets():
     first = result("b1.7")
     noise = 'disturbance = [{ kind = "noise", input = "torque", size = 0.1, bandwidth = 0.5, seed = 1 }]\n'
     noisy = replace(first, run=parse_run(f"{first.run.text}{noise}"))
-    row = sections.summary(pair([noisy])).context["rows"][0]
+    row = context_of("summary_table", pair([noisy]))["rows"][0]
     assert (row["predicted"]["delta"], row["predicted"]["eigenvalue"]) == ("–", "–")
 
 
 def test_columns_of_the_paper_are_there_where_it_has_values():
     """Of a case that is not the paper's they were a column of dashes each."""
     said = dict.fromkeys(("title", "subtitle", "source", "beside"), "")
-    page = render_page([sections.summary(pair([result("b0.8"), result("exact")]))], **said)
+    page = render_page([compose("summary_table", pair([result("b0.8"), result("exact")]))], **said)
     assert page.count(">paper</th>") == 3
-    page = render_page([sections.summary(pair([result("exact")]))], **said)
+    page = render_page([compose("summary_table", pair([result("exact")]))], **said)
     assert "paper" not in page.partition("<main>")[2].partition("<footer>")[0]
     assert page.partition('<table class="summary')[2].partition("</table>")[0].count("<td data-label") == 7
     assert 'class="verdict"><td colspan="8"' in page
@@ -196,7 +199,7 @@ def test_the_sway_of_a_settled_motion_is_said_in_degrees_from_its_extremes():
     """The first screen gave an interval and its error, and not what the body does."""
     run = result("b0.8")
     late = np.degrees(run.simulation.y[run.simulation.t >= run.simulation.t[-1] - run.measurement.period, 0])
-    said = sections.headline(pair([run]))
+    said = headline(pair([run]))
     found = re.search(r"Settled on the linear plant, the angle swings between (\S+)° and (\S+)°\.$", said)
     assert found, said
     low, high = (float(value.replace("−", "-")) for value in found.groups())
@@ -204,12 +207,12 @@ def test_the_sway_of_a_settled_motion_is_said_in_degrees_from_its_extremes():
     assert max(-low, high) == pytest.approx(np.degrees(run.measurement.amplitude[0]), abs=6e-3)
     # the period is +1: it does not swing about zero
     assert abs(low + high) > 0.1
-    context = sections.figures(pair([run]), {"b0.8": []}).context["cases"][0]
+    context = context_of("case_panels", pair([run]))["cases"][0]
     assert context["sway"] in said
-    three = sections.headline(pair([result("three-link", "mujoco")]))
+    three = headline(pair([result("three-link", "mujoco")]))
     swings = r"the \w+ swings between .*°, the \w+ between .*°, and the \w+ between .*°"
     assert re.search(rf"Settled in MuJoCo, {swings}\.$", three)
-    assert "swings" not in sections.headline(pair([result("exact")]))  # whose intervals grow
+    assert "swings" not in headline(pair([result("exact")]))  # whose intervals grow
 
 
 @pytest.mark.parametrize("narrow", [False, True])
@@ -246,12 +249,12 @@ def test_attractors_bear_the_marks_of_the_summary():
     marked = {}
     for name in ("b0.8", "b1.7", "exact"):
         found = result(name)
-        section = many_runs.attractors(pair([replace(found, attractors=(found_by(found),))]))
+        section = compose("coexisting_attractors", pair([replace(found, attractors=(found_by(found),))]))
         marked[name] = section.context["rows"][0]["mark"][0]
         assert marked[name] == rows()[name]["runs"]["linear"]["mark"]
     assert marked == {"b0.8": "✓", "b1.7": "○", "exact": "✓"}
     other = replace(result("b0.8"), attractors=(found_by(result("exact")),))
-    assert many_runs.attractors(pair([other])).context["rows"][0]["mark"][0] == "○"  # the prediction is local
+    assert context_of("coexisting_attractors", pair([other]))["rows"][0]["mark"][0] == "○"  # the prediction is local
 
 
 def test_starts_from_which_the_plant_falls_are_said_at_the_top():
@@ -260,14 +263,14 @@ def test_starts_from_which_the_plant_falls_are_said_at_the_top():
     fallen = replace(found_by(found), measurement=replace(found.measurement, kind="growth"), count=11, share=11 / 24)
     reached = replace(found_by(found), count=13, share=13 / 24)
     cases = pair([replace(found, attractors=(reached, fallen))])
-    assert "From 11 of 24 other starts the linear plant falls." in sections.headline(cases)
-    row = many_runs.attractors(cases).context["rows"][1]
+    assert "From 11 of 24 other starts the linear plant falls." in headline(cases)
+    row = context_of("coexisting_attractors", cases)["rows"][1]
     assert (row["motion"], row["peak"], row["starts"]) == ("grows without bound: a fall", "–", "11 of 24")
-    assert "falls" not in sections.headline(pair([found]))
+    assert "falls" not in headline(pair([found]))
 
 
 def test_one_design_is_shown_once():
-    context = sections.designs(pair(everything())).context
+    context = context_of("design_matrices", pair(everything()))
     assert len(context["blocks"]) == 2
     assert len(context["blocks"][0]["cases"]) == len(CASES) - 1
     k = next(m for m in context["blocks"][0]["matrices"] if m["name"] == "k̂")
@@ -280,7 +283,7 @@ def test_one_design_is_shown_once():
 
 
 def test_settings_keep_the_facts_of_each_plant_apart():
-    context = sections.settings(pair([result("b0.8"), result("b0.8", "mujoco")])).context
+    context = context_of("run_settings", pair([result("b0.8"), result("b0.8", "mujoco")]))
     linear, mujoco = context["precision"]
     assert (linear["plant"], mujoco["plant"]) == ("linear", "MuJoCo")
     assert mujoco["keys"] == ["integrator", "order", "timestep"]
@@ -290,10 +293,10 @@ def test_settings_keep_the_facts_of_each_plant_apart():
 
 def test_what_many_runs_share_is_said_once():
     found = [result(name, "mujoco") for name in ("b0.8", "b1.2", "exact")]
-    (table,) = sections.settings(pair(found)).context["precision"]
+    (table,) = context_of("run_settings", pair(found))["precision"]
     assert (table["keys"], table["shared"]) == ([], "integrator RK4, order 4, timestep 0.005")
     found[1] = replace(found[1], simulation=replace(found[1].simulation, precision={"order": 4, "timestep": 0.002}))
-    (table,) = sections.settings(pair(found)).context["precision"]
+    (table,) = context_of("run_settings", pair(found))["precision"]
     assert (table["keys"], table["shared"]) == (["integrator", "timestep"], "order 4")
     assert table["rows"][1]["facts"] == ["–", "0.002"]
 
@@ -317,7 +320,7 @@ class Cone(EventRule):
 def test_settings_say_what_each_event_rule_says_of_itself():
     found = result("b0.8")
     other = replace(result("b1.2"), controller=found.controller.triggered_by(Cone()))
-    context = sections.settings(pair([found, other])).context
+    context = context_of("run_settings", pair([found, other]))
     assert context["rule"] == ["q_t", "Q_t", "Δ_min", "opening", "axes"]
     assert context["rows"][0]["rule"] == ["0.01", "ĈᵀĈ", "0.001", "–", "–"]
     assert context["rows"][1]["rule"] == ["–", "–", "0.02", "0.3", "diag(1, 4)"]
@@ -327,7 +330,7 @@ def test_settings_are_those_of_the_controller_that_ran():
     """Not those of a run file, which may have been edited or never been there."""
     found = result("b0.8")
     rule = EventTrigger(np.eye(2), 0.25, 0.5)
-    context = sections.settings(pair([replace(found, controller=found.controller.triggered_by(rule))])).context
+    context = context_of("run_settings", pair([replace(found, controller=found.controller.triggered_by(rule))]))
     said = dict(zip(context["rule"], context["rows"][0]["rule"], strict=True))
     assert said == {"q_t": "0.25", "Q_t": "I", "Δ_min": "0.5"}
 
@@ -340,26 +343,24 @@ def test_settings_are_those_of_the_controller_that_ran():
     (np.eye(3), "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"),
 ])  # fmt: skip
 def test_a_weight_is_said_in_as_few_signs_as_will_do(weight, text):
-    assert sections.rule_fact(weight, design_of("b0.8")) == text
+    assert SECTIONS["run_settings"].rule_fact(weight, design_of("b0.8")) == text
 
 
 def test_provenance_that_differs_is_listed():
     other = replace(result("b1.2"), provenance={"icmj": "0.2.0"})
-    context = sections.settings(pair([result("b0.8"), other])).context
+    context = context_of("run_settings", pair([result("b0.8"), other]))
     assert ("icmj", "0.1.0, 0.2.0") in context["provenance"]
 
 
 def test_without_a_law_there_is_no_section_and_a_law_prints_the_errors_without_sign():
-    assert sections.law(pair([result("b0.8")]), {}, 1) is None
-    picture = sections.Picture("x", "data:,", "x")
-    section = sections.law(pair([result("three-link", "mujoco")]), {"three-link": picture}, 7)
-    item = section.context["items"][0]
-    assert (item["number"], item["interval_slope"]) == (7, "2.000")
+    assert compose("amplitude_law", pair([result("b0.8")])) is None
+    item = context_of("amplitude_law", pair([result("three-link", "mujoco")]))["items"][0]
+    assert item["interval_slope"] == "2.000"
     assert item["rows"][0] == ["0.01", *(f"{x}\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁻⁴" for x in ("2.3", "1.4"))]
 
 
 def test_matrix_is_read_row_by_row():
-    rows = sections.matrix("A", np.array([[0.0, -1.5], [1.0, 1e-7]]))["rows"]
+    rows = SECTIONS["design_matrices"].matrix("A", np.array([[0.0, -1.5], [1.0, 1e-7]]))["rows"]
     assert rows == [["0", "−1.5"], ["1", "1\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁻⁷"]]
 
 

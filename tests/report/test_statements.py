@@ -8,7 +8,8 @@ import pytest
 from report_cases import CASES, actual_plant, everything, result
 
 from icmj.report.case_runs import pair
-from icmj.report.statements import STATEMENTS, answer, differences, find_untested, in_paper_order, verdicts_on_results
+from icmj.report.sections.paper_statements import differences
+from icmj.report.statements import STATEMENTS, answer, find_untested, in_paper_order, verdicts_on_results
 
 # the numbered items of the paper's section "Features to note", figure by figure
 ITEMS = {"simple-gain=0o8": 4, "simple-gain=1o2": 4, "simple-gain=1o7": 3}

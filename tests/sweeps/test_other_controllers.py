@@ -7,7 +7,7 @@ import icmj
 from icmj import load_run, prepare, simulate
 from icmj.errors import RunFileError
 from icmj.experiments.switching_rounds import rounds_of
-from icmj.report.sweep_pictures import pictures
+from icmj.report.sections.swept_maps import pictures
 from icmj.runfile.sweep_tables import load_sweep
 
 SWEEP = """

@@ -6,22 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from icmj.case.quantity import in_unit, threshold_unit
-from icmj.case.result import AmplitudeLaw, Result
-from icmj.report import style
+from icmj.case.quantity import in_unit
+from icmj.case.result import AmplitudeLaw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-
-def law_figure(result: Result) -> Figure:
-    """The figure of :func:`draw_law`, of a result that has a law."""
-    figure, (axes,) = style.new_figure()
-    assert result.law is not None
-    draw_law(axes, result.law, threshold_unit(result))
-    style.legend(figure, axes)
-    return figure
 
 
 def draw_law(axes: Axes, law: AmplitudeLaw, unit: str = "") -> None:

@@ -1,21 +1,100 @@
-"""The figures of a sweep, selected by the varied fields and the requested columns."""
+"""The section of sweeps: the points of each in words, and the figures that can be drawn over what varies."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from icmj.base import numbers
+from icmj.base.text import one_line
 from icmj.case.sweep_table import SweepTable
 from icmj.errors import ReportError
 from icmj.report import style
 from icmj.report.interval_curve import draw_curve
 from icmj.report.maps import draw_basins, draw_sway, draw_sway_curve, draw_validity
+from icmj.report.material import Material
+from icmj.report.picture import Drawing, Picture
+from icmj.report.section import Section
+from icmj.report.style import NAME
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+def compose(material: Material) -> Section | None:
+    """Every sweep with its pictures, or ``None`` where there is none."""
+    items = [
+        {"title": swept.title, "facts": _sweep_facts(swept), "pictures": _draw_pictures(swept, material)}
+        for swept in material.sweeps
+    ]
+    return Section("sweeps", "Sweeps", TEMPLATE, {"items": items}) if items else None
+
+
+def _draw_pictures(swept: SweepTable, material: Material) -> list[tuple[Picture, str]]:
+    """Pictures of a sweep, with their captions."""
+    try:
+        with style.apply():
+            return [
+                (
+                    material.draw(Drawing(f"{swept.name}_{each.name}", each.caption, each.get_figure)),
+                    each.caption,
+                )
+                for each in pictures(swept)
+            ]
+    except (ValueError, ArithmeticError) as error:  # matplotlib's, of numbers near the ends of their range
+        raise ReportError(f"sweep {swept.name!r} cannot be drawn ({one_line(error, 160)})") from error
+
+
+_KINDS = {
+    "too short": "too short to settle",
+    "no events": "without events",
+    "homoclinic": "with growing intervals",
+    "growth": "growing",
+    "decay": "dying out",
+}
+
+
+def _sweep_facts(swept: SweepTable) -> list[tuple[str, str]]:
+    status = Counter(swept.texts("status"))
+    done = f"{len(swept.table)} of {swept.points}" if len(swept.table) < swept.points else f"{swept.points}"
+    bad = ", ".join(f"{count} {name}" for name, count in sorted(status.items()) if name != "ok")
+    facts = [("Points", f"{done}{f'; {bad}' if bad else ''}")]
+    for name, field in swept.varies:
+        facts.append((name, f"{_range(swept, name)}{f' ({field})' if field and field != name else ''}"))
+    for plant in NAME:
+        if f"{plant}_kind" in swept.table.column_names:
+            on = sum(value is True for value in swept.texts(f"{plant}_on_predicted"))
+            kinds = Counter(kind for kind in swept.texts(f"{plant}_kind") if kind)
+            words = (
+                f"{count} on a cycle ({on} on the predicted one)"
+                if kind == "cycle"
+                else f"{count} {_KINDS.get(kind, kind)}"
+                for kind, count in kinds.most_common()
+            )
+            facts.append((_plant(plant), ", ".join(words)))
+        elif f"{plant}_outcome" in swept.table.column_names:
+            ends = Counter(outcome for outcome in swept.texts(f"{plant}_outcome") if outcome)
+            facts.append((_plant(plant), ", ".join(f"{count} {outcome}" for outcome, count in ends.most_common())))
+    return facts
+
+
+def _plant(plant: str) -> str:
+    return "linear plant" if plant == "linear" else NAME[plant]
+
+
+def _range(swept: SweepTable, name: str) -> str:
+    values = sorted(set(swept.texts(name)))
+    try:
+        at = np.array(values, float)
+        words = f"{numbers.short(float(at[0]))} to {numbers.short(float(at[-1]))}"
+        return f"{words}, {len(at)} values" if len(at) > 1 else numbers.short(float(at[0]))
+    except (TypeError, ValueError):
+        return ", ".join(map(str, values[:6])) + (" …" if len(values) > 6 else "")
+
 
 _WIDE = 130.0  # mm
 
@@ -27,6 +106,10 @@ class SweptPicture:
     name: str
     figure: Figure
     caption: str
+
+    def get_figure(self) -> Figure:
+        """The figure, which is drawn already."""
+        return self.figure
 
 
 def pictures(swept: SweepTable) -> Iterator[SweptPicture]:
@@ -100,10 +183,6 @@ def _below_the_legend(figure: Figure) -> None:
     axes.set_position((box.x0, box.y0, box.width, box.height * 0.97))
 
 
-def _plant(plant: str) -> str:
-    return "linear plant" if plant == "linear" else style.NAME[plant]
-
-
 def _rings(swept: SweepTable) -> str:
     """What rings are, where there are some."""
     names = [
@@ -126,3 +205,6 @@ def _varies(swept: SweepTable, name: str) -> bool:
         return len(np.unique(swept.numbers(name))) > 1
     except (TypeError, ValueError):
         return False
+
+
+TEMPLATE = '{% include "items.html.j2" %}\n'

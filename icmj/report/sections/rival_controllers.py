@@ -1,20 +1,26 @@
-"""The figures of several controllers of one body: spectra of the outputs, and their paths, on each other."""
+"""The section of rivals: controllers of one body on one plant, measured alike, side by side."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from icmj.base import numbers
 from icmj.base.array import count_steps, is_between
 from icmj.case.motion import curve
 from icmj.case.quantity import quantities
 from icmj.case.result import Result, has_prediction
 from icmj.errors import DataError
-from icmj.measurement.sway import Sway, measure_sway
+from icmj.measurement.sway import BEST_KNOWN, Sway, measure_sway
 from icmj.report import style
+from icmj.report.material import Material
+from icmj.report.picture import Drawing
+from icmj.report.section import Section
+from icmj.report.style import NAME
+from icmj.report.wording import kind_in_words
 from icmj.series.series import Series
 
 if TYPE_CHECKING:
@@ -25,6 +31,54 @@ from icmj.report.sway_figures import COLOURS, LOWEST_POWER
 
 RATE, FASTEST_RIVAL = 100.0, 10.0  # Hz: of the samples, and drawn
 SHOWN = 20.0  # s of a path
+
+_RIVALS = (
+    "Left: power spectra of the outputs over the second half of each run; right: rate of each output against its value "
+    "over the last 20 s. Numbers are those of the table."
+)
+
+
+def compose(material: Material) -> Section | None:
+    """A table and two pictures for each body, or ``None`` where none has several controllers."""
+    if not material.others:
+        return None
+    runs = [result for case in material.cases for result in case.runs.values()]
+    items = [
+        {
+            "title": _of_group(group),
+            "pictures": [material.draw(drawing) for drawing in _list_figures(group, number)],
+            "outputs": [f"{c.name} ({c.unit})".replace("deg", "°") for c in group[0].sway.coordinates],
+            "rows": [_rival_row(n, rival) for n, rival in enumerate(group, 1)],
+            "caption": _RIVALS,
+        }
+        for number, group in enumerate(rivals([*runs, *material.others]), 1)
+    ]
+    return Section("controllers", "Controllers side by side", TEMPLATE, {"items": items}) if items else None
+
+
+def _list_figures(group: Sequence[Rival], number: int) -> tuple[Drawing, Drawing]:
+    return (
+        Drawing(f"controllers_{number}_spectra", "Spectra of the outputs", lambda: _draw_spectra(group)),
+        Drawing(f"controllers_{number}_paths", "Rates against outputs", lambda: _draw_paths(group)),
+    )
+
+
+def _of_group(group: Sequence[Rival]) -> str:
+    """Which controllers of one body these are, and on which plant."""
+    kinds = [kind_in_words(rival.run) for rival in group]
+    plant = "linear plant" if group[0].run.simulation.plant == "linear" else NAME[group[0].run.simulation.plant]
+    return f"One body under {', '.join(kinds[:-1])} and {kinds[-1]} control, {plant}"
+
+
+def _rival_row(number: int, rival: Rival) -> dict[str, Any]:
+    simulation = rival.run.simulation
+    late = simulation.events.t[is_between(simulation.events.t, simulation.t[-1] / 2)]
+    return {
+        "name": f"{number}. {rival.name}",
+        "rate": numbers.number(len(late) / rival.sway.duration, 3),
+        "outcome": simulation.outcome.kind,
+        "measures": [tuple(numbers.number(c.number(key), 3) for key in BEST_KNOWN) for c in rival.sway.coordinates],
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +125,7 @@ def _rival(run: Result) -> Rival | None:
         return None
 
 
-def spectra_figure(group: Sequence[Rival]) -> Figure:
+def _draw_spectra(group: Sequence[Rival]) -> Figure:
     """Power spectrum of every output under each controller."""
     coordinates = group[0].sway.coordinates
 
@@ -96,7 +150,7 @@ def spectra_figure(group: Sequence[Rival]) -> Figure:
     return style.each_output(len(coordinates), draw, "frequency (Hz)", 6)
 
 
-def paths_figure(group: Sequence[Rival]) -> Figure:
+def _draw_paths(group: Sequence[Rival]) -> Figure:
     """Rate against value of every output under each controller, over the last seconds."""
     plant = group[0].run.actual
     ends = [float(rival.run.simulation.t[-1]) for rival in group]
@@ -117,7 +171,24 @@ def _rival_label(group: Sequence[Rival], n: int) -> str:
     return f"{n + 1}: {kind_in_words(group[n].run)}" if len(group) <= 3 else str(n + 1)
 
 
-def kind_in_words(run: Result) -> str:
-    """The kind of a controller; switched feedback that never switches is continuous."""
-    facts = run.controller.facts()
-    return "continuous" if facts.get("switches") is False else run.controller.kind
+TEMPLATE = """\
+<p>Runs of the same actual plant under different controllers, measured in the same way over the second half of each run: root mean square about the mean (RMS), mean speed and median frequency of every output. Actions are the events of an intermittent controller and the switches of a switched one.</p>
+{% for item in c['items'] %}
+<figure class="law">
+<h3>{{ item.title }}</h3>
+<div class="panels">
+{% for picture in item.pictures %}
+<div class="panel"><img src="{{ picture.uri }}" alt="{{ picture.alt }}"></div>
+{% endfor %}
+</div>
+<div class="wide"><table class="stack">
+<thead><tr><th scope="col">Controller</th><th scope="col">Run</th><th scope="col">Actions (1/s)</th>{% for name in item.outputs %}<th scope="col">RMS {{ name }}</th><th scope="col">Speed (1/s)</th><th scope="col">Median (Hz)</th>{% endfor %}</tr></thead>
+<tbody>
+{% for row in item.rows %}
+<tr><th scope="row">{{ row.name }}</th><td data-label="Run">{{ row.outcome }}</td><td data-label="Actions (1/s)">{{ row.rate }}</td>{% for rms, speed, median in row.measures %}<td data-label="RMS {{ item.outputs[loop.index0] }}">{{ rms }}</td><td data-label="Speed (1/s)">{{ speed }}</td><td data-label="Median (Hz)">{{ median }}</td>{% endfor %}</tr>
+{% endfor %}
+</tbody></table></div>
+<figcaption><b>Figure {{ next_figure() }}.</b> {{ item.title }}. {{ item.caption }}</figcaption>
+</figure>
+{% endfor %}
+"""  # noqa: E501

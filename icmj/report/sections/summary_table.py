@@ -1,102 +1,35 @@
-"""The summary: paper, prediction, linear plant and MuJoCo side by side, and the headline."""
+"""The section that sums up: of each case what the paper has, what is predicted, and what each plant did."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, get_args
+from typing import Any
 
 from icmj.base import numbers
-from icmj.base.numbers import count
 from icmj.case.comparison import Comparison
-from icmj.report.case_runs import CaseRuns
+from icmj.report.case_runs import CaseRuns, is_noisy
 from icmj.report.judgement import judge_run, verdicts
+from icmj.report.material import Material
 from icmj.report.section import Section
-from icmj.report.statements import STATEMENTS, Verdict, verdicts_on_results
 from icmj.report.style import NAME
 from icmj.report.wording import notice_in_words
 
 
-def is_noisy(case: CaseRuns) -> bool:
-    """Whether noise acts in a case, so that no cycle can be reached in it."""
-    return case.first.run.simulation.settings().noisy
-
-
-def _cycle_sentence(case: CaseRuns) -> str:
-    prediction = case.prediction
-    if not prediction.cycle:
-        return "No cycle is predicted without noise."
-    return (
-        f"Without noise, the predicted cycle has Δ_crit = {numbers.number(prediction.delta_crit)} s and a period of "
-        f"{numbers.number(prediction.period)} s; its orbit is {prediction.verdict}."
-    )
-
-
-def summary(cases: Sequence[CaseRuns]) -> Section:
+def compose(material: Material) -> Section | None:
     """Paper, prediction, linear plant and MuJoCo side by side."""
-    return Section(
-        "summary",
-        "Summary",
-        "summary.html.j2",
-        {
-            "rows": [_summary_row(case) for case in cases],
-            "errors": _error_rows(cases),
-            "paper": any(_has_published_values(case) for case in cases),
-        },
-    )
+    if not (cases := material.cases):
+        return None
+    context = {
+        "rows": [_summary_row(case) for case in cases],
+        "errors": _error_rows(cases),
+        "paper": any(_has_published_values(case) for case in cases),
+    }
+    return Section("summary", "Summary", TEMPLATE, context)
 
 
 def _has_published_values(case: CaseRuns) -> bool:
     paper = case.first.run.case.paper
     return any(value is not None for value in (paper.delta_crit, paper.eigenvalue, paper.cycle))
-
-
-def abstract(cases: Sequence[CaseRuns]) -> str:
-    """The headline in one paragraph."""
-    expected = [case for case in cases if case.prediction.cycle and not is_noisy(case)]
-    driven = [case for case in cases if is_noisy(case)]
-    parts = [
-        "Under event-driven intermittent control, a plant can settle on a limit cycle if the controller’s model of the "
-        "plant is wrong."
-    ]
-    if len(cases) == 1:
-        return " ".join([*parts, *_describe_tests(cases)])
-    parts.append(
-        f"Of the {count(len(cases) - len(driven), 'case')} {'without noise ' if driven else ''}below, linear theory "
-        f"predicts a limit cycle for {len(expected)}."
-    )
-    for plant in ("linear", "mujoco"):
-        found = [case.comparisons[plant] for case in expected if plant in case.comparisons]
-        settled = [comparison for comparison in found if comparison.measured.converged]
-        if not found:
-            continue
-        worst = max((abs(c.relative_error.interval or 0.0) for c in settled), default=None)
-        where = "On the linear plant" if plant == "linear" else "In MuJoCo"
-        many = "all of them are" if len(settled) == len(found) else f"{len(settled)} of {len(found)} are"
-        accuracy = (
-            "" if worst is None else f", with a relative error of the interval of at most {numbers.number(worst, 2)}"
-        )
-        parts.append(f"{where} {many} reached{accuracy}.")
-    rest = [case for case in cases if not case.prediction.cycle and not is_noisy(case)]
-    unpredicted = sum(any(c.measured.kind == "cycle" for c in case.comparisons.values()) for case in rest)
-    if unpredicted:
-        where = count(unpredicted, "other case")
-        parts.append(f"In {where} a run settles on a cycle although linear theory predicts none.")
-    return " ".join([*parts, *_describe_tests(cases)])
-
-
-def _describe_tests(cases: Sequence[CaseRuns]) -> list[str]:
-    """How many of the paper's results these cases test, and how many hold; nothing if they test none."""
-    answers = verdicts_on_results(cases)
-    if not answers:
-        return []
-    results = sum(statement.result for statement in STATEMENTS)
-    of = "all of them" if len(answers) == results else f"{len(answers)} of them"
-    kept, reserved, failed = (answers.count(verdict) for verdict in get_args(Verdict))
-    return [
-        f"Gawthrop (2017) lists {len(STATEMENTS)} statements, {results} of which are results; the others name the "
-        f"system, or what a panel shows. These runs test {of}: {kept} are reproduced without and {reserved} with a "
-        f"reservation, {failed} not."
-    ]
 
 
 def critical(case: CaseRuns, figures: int = 5) -> str:
@@ -225,3 +158,50 @@ def _error_rows(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
                 }
             )
     return rows
+
+
+TEMPLATE = """\
+{% from "macros.html.j2" import legend, mark %}
+{% set paper %}{% if c.paper %}<th scope="col">paper</th>{% endif %}{% endset %}
+<div class="wide">
+<table class="summary stack">
+<caption><b>Table {{ next_table() }}.</b> The critical open-loop interval {{ "Δ_crit"|notation }} and the interval {{ "Δ_ol"|notation }} at which each simulation settles, in seconds; {{ "λ_crit"|notation }} is the eigenvalue that reaches the unit circle at {{ "Δ_crit"|notation }}. In brackets: no cycle is predicted there. {% if c.paper %}Below the predicted value: whether it rounds to the value in the paper; below{% else %}Below{% endif %} the measured values: their relative error with respect to the prediction. Limit cycle: {% if c.paper %}whether the paper reports one, {% endif %}whether theory predicts one, and what each simulation did. ✓ agrees with the prediction; ○ a cycle that is not predicted; ✗ a predicted, attracting cycle is not reached.</caption>
+<thead>
+<tr><th rowspan="2" scope="col">Case</th><th colspan="{{ 4 if c.paper else 3 }}" scope="colgroup">Interval (s)</th><th{% if c.paper %} colspan="2"{% endif %} scope="colgroup">λ<sub>crit</sub></th><th colspan="{{ 4 if c.paper else 3 }}" scope="colgroup">Limit cycle</th></tr>
+<tr>{{ paper }}<th scope="col">predicted</th><th scope="col">linear</th><th scope="col">MuJoCo</th>{{ paper }}<th scope="col">predicted</th>{{ paper }}<th scope="col">predicted</th><th scope="col">linear</th><th scope="col">MuJoCo</th></tr>
+</thead>
+{% for row in c.rows %}
+<tbody>
+<tr>
+<th scope="row"><a href="#case-{{ row.anchor }}">{{ row.title }}</a></th>
+{% if c.paper %}<td data-label="Interval, paper (s)">{{ row.paper.delta }}</td>
+{% endif %}<td data-label="Interval, predicted (s)"><span>{{ row.predicted.delta }}{% if row.predicted.agrees is not none %}<small>{{ "= paper " if row.predicted.agrees else "≠ paper " }}{{ mark("✓" if row.predicted.agrees else "✗", "rounds to the printed value" if row.predicted.agrees else "departs from the printed value") }}</small>{% endif %}</span></td>
+<td data-label="Interval, linear (s)"><span>{{ row.runs.linear.interval }}{% if row.runs.linear.error %}<small>{{ row.runs.linear.error }}</small>{% endif %}</span></td>
+<td data-label="Interval, MuJoCo (s)"><span>{{ row.runs.mujoco.interval }}{% if row.runs.mujoco.error %}<small>{{ row.runs.mujoco.error }}</small>{% endif %}</span></td>
+{% if c.paper %}<td data-label="λ, paper">{{ row.paper.eigenvalue }}</td>
+{% endif %}<td data-label="λ, predicted">{{ row.predicted.eigenvalue }}</td>
+{% if c.paper %}<td data-label="Cycle, paper">{{ row.paper.cycle }}</td>
+{% endif %}<td data-label="Cycle, predicted"><span title="predicted orbit: {{ row.predicted.verdict }}">{{ row.predicted.cycle }}{% if row.predicted.cycle == "yes" %}<small>{{ row.predicted.verdict }}</small>{% endif %}</span></td>
+<td data-label="Cycle, linear"><span>{{ mark(row.runs.linear.mark, row.runs.linear.said) }}<small class="word">{{ row.runs.linear.word }}</small></span></td>
+<td data-label="Cycle, MuJoCo"><span>{{ mark(row.runs.mujoco.mark, row.runs.mujoco.said) }}<small class="word">{{ row.runs.mujoco.word }}</small></span></td>
+</tr>
+<tr class="verdict"><td colspan="{{ 11 if c.paper else 8 }}">{% for verdict in row.verdicts %}<span>{{ verdict|notation }}</span> {% endfor %}</td></tr>
+</tbody>
+{% endfor %}
+</table>
+</div>
+{% if c.errors %}
+<div class="wide">
+<table class="stack">
+<caption><b>Table {{ next_table() }}.</b> Relative errors (measured − predicted)/predicted where a cycle is predicted: open-loop interval, period, peak of each output over the cycle, and γ, the magnitude of the critical mode {{ "χ_k1"|notation }} at events.</caption>
+<thead><tr><th scope="col">Case</th><th scope="col">Plant</th><th scope="col">Interval</th><th scope="col">Period</th><th scope="col">Amplitude</th><th scope="col">γ</th><th scope="col">Settled</th></tr></thead>
+<tbody>
+{% for row in c.errors %}
+<tr>{% if row.span %}<th scope="row" rowspan="{{ row.span }}">{{ row.title }}</th>{% endif %}<td data-label="Plant">{{ row.plant }}</td><td data-label="Interval">{{ row.interval }}</td><td data-label="Period">{{ row.period }}</td><td data-label="Amplitude">{{ row.amplitude }}</td><td data-label="γ">{{ row.gamma }}</td><td data-label="Settled">{{ mark(row.mark, "settles on the predicted cycle") }}</td></tr>
+{% endfor %}
+</tbody>
+</table>
+</div>
+{% endif %}
+{{ legend(symbols) }}
+"""  # noqa: E501

@@ -11,6 +11,7 @@ from icmj.base import numbers
 from icmj.case.result import Result
 from icmj.controller.design import Design, output_weight
 from icmj.report.case_runs import CaseRuns
+from icmj.report.material import Material
 from icmj.report.notation import symbol
 from icmj.report.section import Section
 from icmj.report.style import NAME
@@ -19,8 +20,10 @@ WIDE = 9  # facts of the integration that have a column each
 MANY = 3  # number of runs from which shared facts are listed once
 
 
-def settings(cases: Sequence[CaseRuns]) -> Section:
+def compose(material: Material) -> Section | None:
     """What the paper does not print and was chosen here, how the runs were integrated, and where they come from."""
+    if not (cases := material.cases):
+        return None
     rules = [case.first.controller.trigger.facts() for case in cases]
     keys = list(dict.fromkeys(key for rule in rules for key in rule))
     rows = []
@@ -45,7 +48,7 @@ def settings(cases: Sequence[CaseRuns]) -> Section:
     return Section(
         "settings",
         "Settings and provenance",
-        "settings.html.j2",
+        TEMPLATE,
         {
             "rule": [symbol(key) for key in keys],
             "rows": rows,
@@ -120,3 +123,36 @@ def _values(key: str, results: Sequence[Result]) -> str:
     if key == "date" and len(values) > 1:
         return f"{min(values)} to {max(values)}"
     return ", ".join(values)
+
+
+TEMPLATE = """\
+<div class="wide"><table class="stack">
+<caption><b>Table {{ next_table() }}.</b> Settings, in SI units, angles in radians. Event rule: {{ "Q_t"|notation }}, weight of the hold error; {{ "q_t"|notation }}, threshold; {{ "Δ_min"|notation }}, shortest interval. LQ (linear-quadratic) weights: {{ "R_c"|notation }} of the input in the state feedback, {{ "R_o"|notation }} of the measurement noise in the observer. Event rule, initial state and duration were chosen for this study; the paper does not print them.</caption>
+<thead><tr><th scope="col">Case</th>{% for key in c.rule %}<th scope="col">{{ key|notation }}</th>{% endfor %}<th scope="col">Hold</th><th scope="col">Duration</th><th scope="col">Initial state</th><th scope="col">LQ weights</th></tr></thead>
+<tbody>
+{% for row in c.rows %}
+<tr><th scope="row">{{ row.title }}</th>{% for fact in row.rule %}<td data-label="{{ c.rule[loop.index0] }}">{{ fact }}</td>{% endfor %}<td data-label="Hold">{{ row.hold|replace('-', '‑') }}</td><td data-label="Duration">{{ row.duration }}</td><td data-label="Initial state">{{ row.initial }}</td><td data-label="LQ weights"><span>{{ row.weights|notation }}</span></td></tr>
+{% endfor %}
+</tbody></table></div>
+{% for row in c.rows if row.changes %}
+<p>{{ row.title }}. {{ row.changes }}</p>
+{% endfor %}
+{% for table in c.precision %}
+<div class="wide"><table class="stack">
+<caption><b>Table {{ next_table() }}.</b> Integration and outcome of each {{ table.plant }} run{% if table.shared %}; common to all: {{ table.shared }}{% endif %}. SI units.</caption>
+<thead><tr><th scope="col">Case</th>{% for key in table['keys'] %}<th scope="col">{{ key }}</th>{% endfor %}<th scope="col">outcome</th></tr></thead>
+<tbody>
+{% for row in table.rows %}
+<tr><th scope="row">{{ row.title }}</th>{% for fact in row.facts %}<td data-label="{{ table['keys'][loop.index0] }}">{{ fact }}</td>{% endfor %}<td data-label="outcome">{{ row.outcome }}</td></tr>
+{% endfor %}
+</tbody></table></div>
+{% endfor %}
+{% if c.provenance %}
+<h3>Provenance</h3>
+<dl>
+{% for key, value in c.provenance %}
+<dt>{{ key }}</dt><dd>{{ value }}</dd>
+{% endfor %}
+</dl>
+{% endif %}
+"""  # noqa: E501

@@ -1,4 +1,4 @@
-"""The figures of a case under noise: histogram of intervals, spectra of outputs, the predicted cycle in both."""
+"""Runs under noise in axes: the histogram of intervals, and the spectrum of one output."""
 
 from __future__ import annotations
 
@@ -13,19 +13,10 @@ from icmj.report.case_runs import CaseRuns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 FASTEST = 10.0  # [Hz] drawn: a body this heavy sways no faster
 LOWEST = 1e-6  # of the largest density drawn
-
-
-def histogram_figure(case: CaseRuns) -> Figure:
-    """The figure of :func:`draw_histogram`."""
-    figure, (axes,) = style.new_figure()
-    draw_histogram(axes, case)
-    style.legend(figure, axes)
-    return figure
 
 
 def draw_histogram(axes: Axes, case: CaseRuns) -> None:
@@ -44,11 +35,6 @@ def draw_histogram(axes: Axes, case: CaseRuns) -> None:
     axes.set(xlabel=r"$\Delta_{ol}$ (s)", ylabel="density (1/s)")
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)
-
-
-def spectrum_figure(case: CaseRuns) -> Figure:
-    """Power spectrum of every output on each plant, one axes for each."""
-    return style.each_output(case.first.actual.n_y, lambda axes, i: draw_spectrum(axes, case, i), "frequency (Hz)")
 
 
 def draw_spectrum(axes: Axes, case: CaseRuns, output: int) -> None:

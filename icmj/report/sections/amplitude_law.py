@@ -1,0 +1,86 @@
+"""The section of the amplitude law: how far amplitude and interval depart from linear theory as the threshold grows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from icmj.base import numbers
+from icmj.case.quantity import in_unit, threshold_unit
+from icmj.case.result import Result
+from icmj.report import style
+from icmj.report.axes.law import draw_law
+from icmj.report.case_runs import CaseRuns
+from icmj.report.material import Material
+from icmj.report.picture import Drawing
+from icmj.report.section import Section
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def compose(material: Material) -> Section | None:
+    """The amplitude law, or ``None`` where no log holds one."""
+    items: list[dict[str, Any]] = []
+    for case in material.cases:
+        result = _find_measured(case)
+        if result is not None and result.law is not None:
+            items.append(
+                {
+                    "title": result.run.title,
+                    "threshold": in_unit("Threshold", threshold_unit(result)),
+                    "picture": material.show(*list_drawings(case)),
+                    "open": bool(np.isnan(result.law.interval_error).any()),
+                    "interval_slope": f"{result.law.interval_slope:.3f}",
+                    "amplitude_slope": f"{result.law.amplitude_slope:.3f}",
+                    "rows": [
+                        [numbers.short(q), numbers.error(i, signed=False), numbers.error(a, signed=False)]
+                        for q, i, a in zip(
+                            result.law.q_t, result.law.interval_error, result.law.amplitude_error, strict=True
+                        )
+                    ],
+                }
+            )
+    return Section("law", "The amplitude law", TEMPLATE, {"items": items}) if items else None
+
+
+def list_drawings(case: CaseRuns) -> list[Drawing]:
+    """The amplitude law, where it was measured."""
+    if (measured := _find_measured(case)) is None:
+        return []
+    return [Drawing(f"{case.name}_law", f"{case.first.run.title}, amplitude law", lambda: draw_figure(measured))]
+
+
+def _find_measured(case: CaseRuns) -> Result | None:
+    return next((result for result in reversed(case.runs.values()) if result.law is not None), None)
+
+
+def draw_figure(result: Result) -> Figure:
+    """The figure of :func:`draw_law`, of a result that has a law."""
+    figure, (axes,) = style.new_figure()
+    assert result.law is not None
+    draw_law(axes, result.law, threshold_unit(result))
+    style.legend(figure, axes)
+    return figure
+
+
+TEMPLATE = """\
+<p>On the linear plant the amplitude is proportional to the threshold, and the interval does not depend on it. The MuJoCo plant is nonlinear with odd symmetry, so its departure from the prediction should decrease with the square of the threshold (slope 2). If the integration had a first-order error, such as an event detected late, the curves would level off.</p>
+{% for item in c['items'] %}
+<figure class="law">
+<div class="panels">
+<div class="panel"><img src="{{ item.picture.uri }}" alt="{{ item.picture.alt }}"></div>
+<table>
+<thead><tr><th scope="col">{{ item.threshold }}</th><th scope="col">Interval error</th><th scope="col">Amplitude error</th></tr></thead>
+<tbody>
+{% for row in item.rows %}
+<tr>{% for value in row %}<td>{{ value }}</td>{% endfor %}</tr>
+{% endfor %}
+</tbody>
+</table>
+</div>
+<figcaption><b>Figure {{ next_figure() }}.</b> {{ item.title }}: relative error of the interval and of the peak of the largest output, against the threshold. Fitted slopes: {{ item.interval_slope }} (interval), {{ item.amplitude_slope }} (amplitude).{% if item.open %} A dash: at this threshold the run in MuJoCo, which starts on the predicted orbit, does not settle on a cycle in the time that it has.{% endif %}</figcaption>
+</figure>
+{% endfor %}
+"""  # noqa: E501

@@ -1,0 +1,158 @@
+"""The section of cases under noise: distributions instead of a cycle, and sway beside that of young people."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from icmj.base import numbers
+from icmj.case.quantity import in_unit, quantities
+from icmj.experiments.quiet_standing import YOUNG_PEOPLE
+from icmj.measurement.measures import numbers_of
+from icmj.measurement.statistics import Estimate
+from icmj.report import style
+from icmj.report.axes.noise import draw_histogram, draw_spectrum
+from icmj.report.case_runs import CaseRuns
+from icmj.report.material import Material
+from icmj.report.picture import Drawing
+from icmj.report.section import Section
+from icmj.report.style import NAME
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def compose(material: Material) -> Section | None:
+    """Histogram, spectra and numbers of every case under noise, or ``None`` where there is none."""
+    items = [
+        {
+            "title": case.first.run.title,
+            "pictures": [material.show(drawing) for drawing in drawings],
+            "outputs": [
+                shown.label(name).replace("deg", "°")
+                for name, shown in zip(case.first.actual.outputs, quantities(case.first.actual), strict=True)
+            ],
+            "rows": _rows(case),
+            "cycle": _cycle_sentence(case),
+            "sway": _sway(case),
+        }
+        for case in material.cases
+        if (drawings := list_drawings(case))
+    ]
+    return Section("noise", "Under noise", TEMPLATE, {"items": items}) if items else None
+
+
+def list_drawings(case: CaseRuns) -> list[Drawing]:
+    """Intervals and spectra of runs under noise."""
+    if all(result.statistics is None for result in case.runs.values()):
+        return []
+    title = case.first.run.title
+    return [
+        Drawing(f"{case.name}_intervals", f"{title}, histogram of intervals", lambda: _draw_intervals(case)),
+        Drawing(f"{case.name}_spectra", f"{title}, spectra of the outputs", lambda: _draw_spectra(case)),
+    ]
+
+
+def _draw_intervals(case: CaseRuns) -> Figure:
+    figure, (axes,) = style.new_figure()
+    draw_histogram(axes, case)
+    style.legend(figure, axes)
+    return figure
+
+
+def _draw_spectra(case: CaseRuns) -> Figure:
+    """Power spectrum of every output on each plant, one axes for each."""
+    return style.each_output(case.first.actual.n_y, lambda axes, i: draw_spectrum(axes, case, i), "frequency (Hz)")
+
+
+def _cycle_sentence(case: CaseRuns) -> str:
+    prediction = case.prediction
+    if not prediction.cycle:
+        return "No cycle is predicted without noise."
+    return (
+        f"Without noise, the predicted cycle has Δ_crit = {numbers.number(prediction.delta_crit)} s and a period of "
+        f"{numbers.number(prediction.period)} s; its orbit is {prediction.verdict}."
+    )
+
+
+def estimate(found: Estimate | None, unit: float = 1.0) -> str:
+    """A number with its confidence, in another unit where it is multiplied by ``unit``."""
+    if found is None:
+        return numbers.MISSING
+    error = "" if not np.isfinite(found.error) else f" ± {numbers.number(found.error * unit, 1)}"
+    return f"{numbers.number(found.value * unit, 3)}{error}"
+
+
+def _rows(case: CaseRuns) -> list[dict[str, Any]]:
+    rows = []
+    for plant, result in case.runs.items():
+        found = result.statistics
+        if found is not None:
+            rows.append(
+                {
+                    "plant": NAME[plant],
+                    "events": found.events,
+                    "interval": estimate(found.interval),
+                    "deviation": estimate(found.interval_deviation),
+                    "binding": estimate(found.binding, 100) if found.least > 0 else numbers.MISSING,
+                    "rms": [
+                        estimate(rms, shown.factor)
+                        for rms, shown in zip(found.rms, quantities(result.actual), strict=True)
+                    ],
+                }
+            )
+    return rows
+
+
+def _sway(case: CaseRuns) -> dict[str, Any] | None:
+    """Measures of the centre of pressure on each plant beside those of young people; ``None`` if there are none."""
+    swayed = {plant: result for plant, result in case.runs.items() if result.sway}
+    if not swayed:
+        return None
+    rows = []
+    called = {number.key: number for number in numbers_of()}
+    for key, (mean, spread) in YOUNG_PEOPLE.items():
+        if key not in called:
+            continue
+        factor, unit = numbers.readable(called[key].unit_of("m"))
+        values = (result.sway.get(f"cop.x.{key}") for result in swayed.values())
+        own = [numbers.number(None if value is None else factor * value, 3) for value in values]
+        young = f"{numbers.number(factor * mean, 3)} ± {numbers.number(factor * spread, 2)}"
+        rows.append((in_unit(called[key].words, unit), *own, young))
+    found = next(result.statistics for result in swayed.values() if result.statistics is not None)
+    heads = ["linear plant" if plant == "linear" else NAME[plant] for plant in swayed]
+    return {"heads": [*heads, "young people"], "rows": rows, "seconds": f"{found.end - found.start:.3g}"}
+
+
+TEMPLATE = """\
+<p>Under noise the motion is not periodic; it is described by distributions, which leave out the first tenth of the run. Each number is given with the half-width of its 95 % confidence interval, estimated from ten blocks. Δ<sub>min</sub> is the refractory period. RMS is the root mean square. The share of intervals that are as short as Δ<sub>min</sub> shows how often the refractory period, rather than the event rule, determines the next event.</p>
+{% for item in c['items'] %}
+<figure class="law">
+<h3>{{ item.title }}</h3>
+<div class="panels">
+{% for picture in item.pictures %}
+<div class="panel"><img src="{{ picture.uri }}" alt="{{ picture.alt }}"></div>
+{% endfor %}
+</div>
+<div class="wide"><table class="stack">
+<thead><tr><th scope="col">Plant</th><th scope="col">Events</th><th scope="col">Mean interval (s)</th><th scope="col">Standard deviation (s)</th><th scope="col">At Δ<sub>min</sub> (%)</th>{% for name in item.outputs %}<th scope="col">RMS {{ name }}</th>{% endfor %}</tr></thead>
+<tbody>
+{% for row in item.rows %}
+<tr><th scope="row">{{ row.plant }}</th><td data-label="Events">{{ row.events }}</td><td data-label="Mean interval (s)">{{ row.interval }}</td><td data-label="Standard deviation (s)">{{ row.deviation }}</td><td data-label="At Δ_min (%)">{{ row.binding }}</td>{% for value in row.rms %}<td data-label="RMS {{ item.outputs[loop.index0] }}">{{ value }}</td>{% endfor %}</tr>
+{% endfor %}
+</tbody></table></div>
+{% if item.sway %}
+<div class="wide"><table class="stack across">
+<caption><b>Table {{ next_table() }}.</b> Sway of the centre of pressure from back to front over {{ item.sway.seconds }} s, beside young people who stand quietly (mean ± standard deviation of 24 trials of 60 s of eight people, recordings of Santos and Duarte 2016, doi 10.7717/peerj.2648). H is the exponent of stabilogram diffusion.</caption>
+<thead><tr><th scope="col"></th>{% for name in item.sway.heads %}<th scope="col">{{ name }}</th>{% endfor %}</tr></thead>
+<tbody>
+{% for row in item.sway.rows %}
+<tr><th scope="row">{{ row[0] }}</th>{% for value in row[1:] %}<td data-label="{{ item.sway.heads[loop.index0] }}">{{ value }}</td>{% endfor %}</tr>
+{% endfor %}
+</tbody></table></div>
+{% endif %}
+<figcaption><b>Figure {{ next_figure() }}.</b> {{ item.title }}: histogram of the open-loop intervals, and power spectra of the outputs (Welch, Hann windows of a quarter of the run; faint: 95 % confidence band of the plant drawn last). {{ item.cycle|notation }}</figcaption>
+</figure>
+{% endfor %}
+"""  # noqa: E501
