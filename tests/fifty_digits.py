@@ -9,7 +9,8 @@ chains of integrators beside it that the loop drives and nothing reads, and unit
 The scan knows the loop as docs/theory.md and docs/delay.md state it, by A, B, C, k, L, the hold and the delay, without
 the chains, in its first coordinates. Eigenvalues of φ(Δ) outside of the circle are counted on a grid, which is finer
 where one comes near the circle; so is the sign of det(φ ∓ I). All their changes must lie within
-:data:`CLOSE` of the crossings that :func:`icmj.theory.crossings.search` finds, or in a part that it calls unresolved.
+:data:`CLOSE` of the crossings that :func:`icmj.theory.crossings.search` finds, or of one that is less certain as far
+from it as it states, or in a part that it calls unresolved.
 """
 
 from __future__ import annotations
@@ -251,15 +252,19 @@ class Count:
 
 
 def windows(crossings: tuple[Crossing, ...], reach: float) -> Iterator[tuple[float, float, list[Crossing]]]:
-    """Stretches around crossings, those that overlap as one."""
+    """Stretches around crossings, as wide as each is uncertain or ``reach``; those that overlap as one."""
+    first = last = 0.0
     group: list[Crossing] = []
     for crossing in crossings:
-        if group and crossing.delta - group[-1].delta > 2 * reach:
-            yield group[0].delta - reach, group[-1].delta + reach, group
+        far = max(reach, crossing.uncertainty)
+        if group and crossing.delta - far > last:
+            yield first, last, group
             group = []
+        first = min(first, crossing.delta - far) if group else crossing.delta - far
+        last = max(last, crossing.delta + far) if group else crossing.delta + far
         group.append(crossing)
     if group:
-        yield group[0].delta - reach, group[-1].delta + reach, group
+        yield first, last, group
 
 
 def differences(found: Search, scan: Scan, end: float, reach: float = CLOSE) -> list[str]:
@@ -331,7 +336,7 @@ def check(seed: int, far: bool) -> tuple[str, list[str], str]:
     hour = first.end / given.end
     here = replace(
         found,
-        crossings=tuple(replace(c, delta=c.delta * hour) for c in found.crossings),
+        crossings=tuple(replace(c, delta=c.delta * hour, uncertainty=c.uncertainty * hour) for c in found.crossings),
         delta_end=found.delta_end * hour,
         unresolved=tuple((p * hour, q * hour) for p, q in found.unresolved),
     )

@@ -23,6 +23,7 @@ class Crossing:
         largest_other: largest magnitude of the other eigenvalues there, those that cross together left out.
         multiplicity: how many equal eigenvalues (or pairs) cross together.
         dimension: of their eigenspace; less than ``multiplicity`` if they are defective.
+        uncertainty: how far rounding may have moved ``delta`` [s]; 0 if by no more than some millionths of the range.
     """
 
     delta: float
@@ -32,6 +33,12 @@ class Crossing:
     largest_other: float
     multiplicity: int = 1
     dimension: int = 1
+    uncertainty: float = 0.0
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The first and last Δ at which it may be [s]."""
+        return self.delta - self.uncertainty, self.delta + self.uncertainty
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +49,8 @@ class Search:
         crossings: by rising Δ.
         delta_end: end of the interval searched [s]: ``delta_max``, or earlier where φ has grown so large that
             eigenvalues near the circle drown in its rounding (‖φ‖ > 1e8 in balanced coordinates).
-        unresolved: first and last Δ of each part of it [s] over which the number of eigenvalues outside changes by more
-            or less than the crossings found explain.
+        unresolved: first and last Δ of each part of it [s] in which crossings may be missing: over it the number of
+            eigenvalues outside changes by more or less than the crossings found explain, or rounding decides it.
     """
 
     crossings: tuple[Crossing, ...]

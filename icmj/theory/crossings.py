@@ -14,7 +14,8 @@ circle (:mod:`icmj.theory.circle`), represented by Chebyshev interpolants on pan
 have decayed; all their zeros on a panel follow from a colleague matrix. Zeros close together are zoomed into until they
 separate. Then the crossings found must explain the change in the number of eigenvalues outside the circle over each
 panel, or the panel is halved again; what the shortest panels leave unexplained is part of the result, and so is where
-two panels disagree on that number.
+two panels disagree on that number. A crossing that rounding moves, but takes nowhere near another, is found, and says
+how far.
 
 The search counts time in a unit of its own, so that bounds hold of a plant in any unit of time: a power of two, which
 changes no digit, near a third of the interval searched.
@@ -29,6 +30,7 @@ Neutral directions are taken out first (:mod:`icmj.theory.reduction`): they are 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +74,7 @@ _ERROR = 1e-15  # relative: what rounding may make of an entry
 # heights above the circle that are zero to rounding, that may become so, and by which no rounding is to move these
 _CLOSE, _NEARBY, _BLURRED = 1e-8, 0.3, 1e-2
 _MARGIN = 10  # times as far as one error of this size moves a crossing, others may
+_KNOWN = 1e-3  # the search's own unit of time: a crossing that rounding moves by less is found
 # panels that a search may take: no plant known needs a fifth of it, and small ones are through them in seconds
 _MOST_PANELS = 2000
 
@@ -205,18 +208,25 @@ class _Finder:
         inner = [edge for edge in edges if start < edge[0] - width / 2 < end - width]
         unexplained += _join(_join(inner), (end - start) / _CROWD)
         found = [c for c in found if start < c.delta <= end]
-        apart = tuple(select_distinct(sorted(found, key=lambda c: c.delta), self.resolution))
+        apart = [
+            self._with_uncertainty(c) for c in select_distinct(sorted(found, key=lambda c: c.delta), self.resolution)
+        ]
+        # one that is alone is there, wherever in its range; two that may meet may as well never have come
+        moved = [c for c in apart if c.uncertainty]
+        known = [c.range for c in moved if c.uncertainty < _KNOWN * self.unit and not _meets(c, apart)]
         blind += self._doubtful(np.array([edge for edge, _, _ in edges]).reshape(-1, 2))
+        blind = [part for part in blind if not any(a <= part[0] and part[1] <= b for a, b in known)]
         blurred = bool(blind)
         blind += [(first, last, 1) for first, last, _ in _join(unexplained)]
         doubted = _join(blind, (end - start) / _PANELS if blurred else 0.0)
         wider = [(first - self._moved(first), last + self._moved(last)) for first, last, _ in doubted]
-        for c in apart:
-            moved = 0.0 if c.direction == "tangent" else self._moved(c.delta, c.kind)
-            if moved > _MARGIN * _RESOLUTION * self.unit:
-                wider.append((c.delta - moved, c.delta + moved))
+        wider += [c.range for c in moved if c.range not in known]
         unresolved = _join([(max(first, start), min(last, end), 1) for first, last in wider])
-        return Search(apart, float(end), tuple((float(first), float(last)) for first, last, _ in unresolved))
+        return Search(tuple(apart), float(end), tuple((float(first), float(last)) for first, last, _ in unresolved))
+
+    def _with_uncertainty(self, c: Crossing) -> Crossing:
+        moved = 0.0 if c.direction == "tangent" else self._moved(c.delta, c.kind)
+        return replace(c, uncertainty=float(moved)) if moved > _MARGIN * _RESOLUTION * self.unit else c
 
     def _doubtful(self, panels: Array) -> list[tuple[float, float, int]]:
         """Those panels (first and last Δ, shape (P, 2)) at whose ends or middle rounding decides what is outside."""
@@ -230,6 +240,11 @@ class _Finder:
         if 2 * doubtful.sum() > len(panels):  # elsewhere, too, what agrees does so by chance
             doubtful[:] = True
         return [(float(first), float(last), 1) for first, last in panels[doubtful]]
+
+    def _blur(self, kind: Kind, delta: float, level: float) -> float:
+        """How far rounding moves log|λ| = ``level`` of the eigenvalue of this kind at ``delta``."""
+        there = self.other.branch(kind, delta)
+        return abs(float(np.log(abs(there.value))) - level) if there is not None and there.value else 0.0
 
     def _moved(self, delta: float, *kinds: Kind) -> float:
         """How far rounding may move a crossing near ``delta``, of these kinds or of any [s]; 0 if there is none."""
@@ -332,11 +347,10 @@ class _Finder:
             if abs(move) < 1e-14 * delta or step == 3:
                 break
         assert at is not None
-        if (
-            not at.value
-            or abs(np.log(abs(at.value))) > self.on
-            or (kind != "complex" and abs(at.value - int(kind)) > 1e-3)
-        ):
+        if not at.value or (kind != "complex" and abs(at.value - int(kind)) > 1e-3):
+            return []
+        level = float(np.log(abs(at.value)))
+        if abs(level) > self.on and (abs(level) > _ON_AT_LAST or abs(level) > _MARGIN * self._blur(kind, delta, level)):
             return []
         lam = {"+1": 1.0 + 0j, "-1": -1.0 + 0j, "complex": at.value / abs(at.value)}[kind]
         lam = complex(lam.real, abs(lam.imag))
@@ -364,6 +378,12 @@ class _Finder:
             ]
             step += sign * int((close > 1).sum())
         return {"rising" if step > 0 else "falling": abs(step)} if step else {"tangent": at.count}
+
+
+def _meets(one: Crossing, crossings: list[Crossing]) -> bool:
+    """Whether one may be where another is."""
+    first, last = one.range
+    return any(c.range[0] <= last and first <= c.range[1] for c in crossings if c is not one)
 
 
 def _join(parts: list[tuple[float, float, int]], apart: float = 0.0) -> list[tuple[float, float, int]]:

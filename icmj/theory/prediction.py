@@ -244,6 +244,13 @@ class Prediction(WithCard):
         )
 
     @property
+    def moved(self) -> str:
+        """Which crossings rounding may have moved, and how far; "" if none."""
+        told = [f"{c.delta:.6g} s by up to {c.uncertainty:.1g} s" for c in self.crossings if c.uncertainty]
+        shown = f"{', '.join(told[:3])}{f' and {len(told) - 3} more' if len(told) > 3 else ''}"
+        return bool(told) * f"rounding may have moved the crossing{'s' * (len(told) > 1)} at {shown}"
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """Remarks on the numbers: on neutral modes, on a family, on missing numbers, and on what is not resolved."""
         family = () if self.family is None else (self.family.words,)
@@ -251,8 +258,8 @@ class Prediction(WithCard):
             family = (ALTERNATING,)
         missing = (f"a dash stands where there is no number: {self.missing}",) if self.missing else ()
         falls = () if self.observer_feedback_stable or not self.cycle else (FALLS,)
-        gaps = (self.gaps,) if self.gaps else ()
-        return (*(mode.words for mode in self.neutral), *family, *falls, *missing, *gaps)
+        rounding = tuple(filter(None, (self.gaps, self.moved)))
+        return (*(mode.words for mode in self.neutral), *family, *falls, *missing, *rounding)
 
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""

@@ -277,3 +277,21 @@ def test_what_is_unresolved_is_a_remark():
     (words,) = replace(found, unresolved=((1.25, 1.5),)).remarks
     assert words.startswith("crossings may be missing between 1.25 and 1.5 s")
     assert found.remarks == ()
+
+
+def test_a_crossing_that_rounding_moves_says_how_far(monkeypatch):
+    exact = search(shipped("b=0.8"), 3.0).crossings[0]
+    monkeypatch.setattr(search_module, "_ERROR", 1e-6)
+    found = search(shipped("b=0.8"), 3.0)
+    assert found.unresolved == ()
+    (crossing,) = found.crossings
+    assert (crossing.delta, exact.uncertainty) == (exact.delta, 0)
+    assert 1e-6 * exact.delta < crossing.uncertainty < 1e-3
+
+
+def test_a_crossing_that_rounding_may_have_moved_is_a_remark():
+    found = predict(shipped("b=0.8"), EventTrigger(np.eye(2), 0.01))
+    moved = replace(found.crossings[0], delta=0.5, uncertainty=2.6e-5)
+    assert replace(found, crossings=(moved,)).remarks == (
+        "rounding may have moved the crossing at 0.5 s by up to 3e-05 s",
+    )

@@ -5,12 +5,32 @@ from dataclasses import replace
 import pytest
 from fifty_digits import Scan, check, differences, draw
 
+from icmj import error_system
+from icmj.theory.crossings import search
+
 pytest.importorskip("flint", reason="arithmetic of 50 digits")
 
 
 @pytest.mark.parametrize("seed", [4, 5, 7, 8, 9, 11, 96])  # the last one: a pair that passes beside +1
 def test_crossings_are_those_of_a_scan_with_50_digits(seed):
     assert check(seed, far=False)[0] == "same"
+
+
+@pytest.mark.parametrize("seed", [21, 150])  # rounding moves one by some millionths of the range
+def test_a_crossing_that_rounding_moves_is_found(seed):
+    assert check(seed, far=False)[0] == "same"
+
+
+@pytest.mark.slow
+def test_an_eigenvalue_that_passes_the_circle_too_fast_to_be_seen_on_it_has_its_crossings():
+    """Slopes of 7,000/s, of eigenvalues that rounding moves by more than a millionth: twice +1 within 0.2 ms."""
+    loop = draw(188)
+    scan = Scan(loop)
+    odd = [scan.levels(delta)[1] for delta in (0.1054, 0.1055, 0.1057)]
+    assert odd[0] != odd[1] != odd[2]
+    system = error_system(loop.actual, loop.design, loop.hold, delay=loop.delay)
+    near = [c.kind for c in search(system, 0.16, delta_start=0.1).crossings if 0.1054 < c.delta < 0.1057]
+    assert near == ["+1", "+1"]
 
 
 @pytest.mark.parametrize("seed", [
