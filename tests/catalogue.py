@@ -53,7 +53,8 @@ LONGEST = 4.0  # s: intervals up to which orbits are predicted
 AWAY, EVENTS = 1e-3, 200  # of the size of the orbit, and how long it is looked at
 AGAIN, NEARER = 5, 100  # times as long, and times as near, at the second look
 BACK, GONE = 0.1, 10.0  # of the distance that a run begins at, at its end: has come back, has left
-FARTHEST = 100.0  # the same: what settles farther away has left for another orbit
+CLOSER = 10  # times as near: from there a neighbour of a family is as much nearer, another orbit is where it was
+STILL = 1e-11  # of the size of the orbit: what rounding leaves between two events of a motion that has settled
 ROUNDING = 1e-9  # of the size of the orbit: a distance that need not fall any more
 
 
@@ -127,27 +128,38 @@ def _with_hold(rng: np.random.Generator, actual: LinearPlant, design: Design, tw
     return Loop(error_system(actual, design, hold, delay=delay), rule, kind)
 
 
+def fly(loop: Loop, found: PredictedOrbit, off: np.ndarray, events: int) -> tuple[np.ndarray, np.ndarray] | None:
+    """The states at events of a run that begins ``off`` an orbit, and their distances from it, in its size.
+
+    ``None`` where the run ends early.
+    """
+    orbit = found.orbit
+    size = float(np.linalg.norm(orbit.x_bar))
+    run = loop.run(whole(loop.system, orbit.x_bar + size * off), (events + 2) * orbit.delta)
+    at = loop.states(run, len(off)) / size
+    if run.outcome.kind != "completed" or len(at) < events // 2:
+        return None
+    at = at[: events - 1]
+    return at, np.minimum(*(np.linalg.norm(at - s * orbit.x_bar / size, axis=1) for s in (1, -1)))
+
+
 def look(loop: Loop, found: PredictedOrbit, rng: np.random.Generator, away: float, events: int) -> str:
     """What a run that begins so far from an orbit does in so many events: ``back``, ``beside``, ``gone``, ``unclear``.
 
     ``beside``: it settles on another orbit, at a distance in proportion to that at which it began.
     """
-    orbit = found.orbit
-    size = float(np.linalg.norm(orbit.x_bar))
-    off = rng.normal(size=len(orbit.x_bar))
-    start = whole(loop.system, orbit.x_bar + away * size * off / np.linalg.norm(off))
-    run = loop.run(start, (events + 2) * orbit.delta)
-    at = loop.states(run, len(off)) / size
-    if run.outcome.kind != "completed" or len(at) < events // 2:
+    off = rng.normal(size=len(found.orbit.x_bar))
+    flown = fly(loop, found, away * off / np.linalg.norm(off), events)
+    if flown is None:
         return "gone"
-    at = at[: events - 1]
-    gap = np.minimum(*(np.linalg.norm(at - s * orbit.x_bar / size, axis=1) for s in (1, -1)))
+    at, gap = flown
     last, middle = (float(gap[k - 5 : k].max()) for k in (len(gap), len(gap) // 2))
     # mirrored or not, what settles is as two events before, or is on its way to it
     closing, before = (np.linalg.norm(at[k] - at[k - 2]) for k in (-1, len(at) // 2))
-    settles = closing < 1e-3 * last and closing < 0.9 * before
-    if settles and BACK * away <= last < FARTHEST * away:
-        return "beside"
+    if closing < 1e-3 * last and closing < max(0.9 * before, STILL) and last >= BACK * away:
+        nearer = fly(loop, found, away / CLOSER * off / np.linalg.norm(off), events)
+        beside = nearer is not None and nearer[1][-5:].max() < last / np.sqrt(CLOSER)
+        return "beside" if beside else "gone"
     if last > GONE * away or gap.max() > 0.3:
         return "gone"
     if last < BACK * away and (last < 0.9 * middle or last < ROUNDING):
