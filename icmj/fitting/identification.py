@@ -41,6 +41,12 @@ _FAR = 0.3  # of the interval and of its rise: farther beyond the ends of a cell
 _STRAIGHT = 0.1  # of the rise: so far from a straight line the interval has no extremum in between
 
 
+def _find_minima(values: Array) -> list[int]:
+    """Where values on a grid are less than beside it, the least first; of equal neighbours the last."""
+    left, right = np.append(np.inf, values[:-1]), np.append(values[1:], np.inf)
+    return sorted(np.flatnonzero((values <= left) & (values < right)).tolist(), key=lambda i: float(values[i]))
+
+
 class Inverse:
     """The map from the unknown to the predicted interval, with a cache of its values."""
 
@@ -81,10 +87,9 @@ class Inverse:
         grid = np.linspace(self.unknown.low, self.unknown.high, _POINTS)
         rates, signs = np.transpose([self.rate(float(value)) for value in grid])
         off = np.where(signs * rhythm.sign < 0, np.nan, np.abs(rates * rhythm.interval - 1))
-        off = np.pad(np.nan_to_num(off, nan=np.inf), 1, constant_values=np.inf)
-        least = (off[1:-1] < NEAR) & (off[1:-1] <= off[:-2]) & (off[1:-1] < off[2:])
+        near = [float(grid[i]) for i in sorted(_find_minima(np.nan_to_num(off, nan=np.inf))) if off[i] < NEAR]
         known, cell = self.candidates(rhythm), grid[1] - grid[0]
-        return [float(value) for value in grid[least] if all(abs(value - other) > cell for other in known)]
+        return [value for value in near if all(abs(value - other) > cell for other in known)]
 
     def _between(self, a: float, b: float, rhythm: Rhythm, part: float = 1.0) -> Iterator[float]:
         """The values in a ``part`` of a cell, halved where the interval does not run nearly straight through it.
@@ -528,10 +533,13 @@ def _from_sequence(unknown: Unknown, observed: Observed, plant: PlantKind, value
     course, few = Course(unknown, observed, plant), min(FEWEST - 1, len(observed.times))
     fits = [fit for value in values if (fit := course.fit(value, (2 * few,)))]
     if not any(fit.off <= _BAD_FIT for fit in fits):
-        # later events are too far off where the value is
-        start = Course(unknown, observed, "linear")
-        value = min(np.linspace(unknown.low, unknown.high, _POINTS), key=lambda at: start.distance(at, few))
-        fits += [fit] if (fit := course.fit(value, tuple(few * 2**k for k in range(12)))) else []
+        # later events are too far off where the value is; the first ones may be nearly those of another, too
+        start, grid = Course(unknown, observed, "linear"), np.linspace(unknown.low, unknown.high, _POINTS)
+        for i in _find_minima(np.array([start.distance(at, few) for at in grid])):
+            if fit := course.fit(float(grid[i]), tuple(few * 2**k for k in range(12))):
+                fits.append(fit)
+                if fit.off <= _BAD_FIT:
+                    break
     fit = min(fits, key=lambda fit: fit.cost, default=None)
     if fit is None or fit.off > _BAD_FIT:
         off = "" if fit is None else f": the best one is off by {100 * fit.off:.2g} % of an interval"
