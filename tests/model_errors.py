@@ -19,7 +19,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import icmj
-from icmj.fitting.identification import Identification, Inverse, identify
+from icmj.fitting.identification import Identification, identify
+from icmj.fitting.inversion import Inverse
 from icmj.fitting.observed import Observed
 from icmj.fitting.rhythm import Rhythm
 from icmj.fitting.unknown import Unknown

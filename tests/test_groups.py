@@ -12,7 +12,6 @@ TOGETHER = {
     "base/parquet": "whether a table ends the process that reads it is asked before it is read",
     "case/case": "simulating without a run file is the same run",
     "case/notices": "notices, each for itself",
-    "fitting/recordings": "trials, and the public ones among them",
     "measurement/measurement": "a motion, and its growth",
     "report/findings": "figures of fits and experiments, small ones",
     "series/plates": "the load of plates, and what is left out by it",

@@ -26,7 +26,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "simulation": ("case", "simulation", "linear"),
     "cycles": ("cycle",),
     "measurement": ("measurement", "case.comparison", "experiments"),
-    "sweeps": ("study.sweep", "fitting.identification", "fitting.observed"),
+    "sweeps": ("study.sweep", "fitting.identification", "fitting.inversion", "fitting.course", "fitting.observed"),
     "people": ("fitting",),
     "logs": ("case.result", "log", "report", "study"),
     "run-files": ("runfile",),

@@ -33,7 +33,7 @@ from icmj.fitting.groups import Difference, compare
 from icmj.fitting.misfit import Misfit
 from icmj.fitting.posterior import MEMBERS, Posterior, train_posterior
 from icmj.fitting.prediction_check import Predictive, check_prediction
-from icmj.fitting.recordings import MEASURES, SUMMARIES, measures, summarise
+from icmj.fitting.summaries import MEASURES, SUMMARIES, measures, summarise
 from icmj.work.folder import SUMS, Folder
 
 Tell = Callable[[str, float], None]

@@ -29,7 +29,7 @@ from icmj.fitting.family import DELAY, RATE, Prior
 from icmj.fitting.groups import Difference
 from icmj.fitting.posterior import CALIBRATION_CAVEAT as VERDICT
 from icmj.fitting.posterior import PREDICTION_CAVEAT as PREDICTION
-from icmj.fitting.recordings import MEASURE_UNITS, MEASURES, measures, summarise
+from icmj.fitting.summaries import MEASURE_UNITS, MEASURES, measures, summarise
 from icmj.measurement.measures import numbers_of
 from icmj.report import style
 from icmj.report.findings import (

@@ -8,7 +8,8 @@ import pytest
 
 from icmj.cli.commands.fit import FitCommand, list_people
 from icmj.errors import FitError
-from icmj.fitting.recordings import MOST, TrialOf
+from icmj.fitting.recording_tables import MOST
+from icmj.fitting.recordings import TrialOf
 from icmj.work.shipped import FAMILIES
 
 

@@ -13,7 +13,7 @@ from icmj.case.case import prepare, simulate
 from icmj.errors import FitError, RunFileError
 from icmj.fitting.bank import DRAWS, read_bank, simulate_bank
 from icmj.fitting.family import WARM_UP, load_family
-from icmj.fitting.recordings import SUMMARIES, measures
+from icmj.fitting.summaries import SUMMARIES, measures
 from icmj.simulation.settings import reseed
 from icmj.work.shipped import FAMILIES
 

@@ -12,7 +12,9 @@ from terminal_cases import told
 import icmj
 from icmj.cli.main import main
 from icmj.errors import IdentificationError
-from icmj.fitting.identification import LEVEL, Identification, Inverse, identify
+from icmj.fitting.course import LEVEL
+from icmj.fitting.identification import Identification, identify
+from icmj.fitting.inversion import Inverse
 from icmj.fitting.observed import Observed
 from icmj.fitting.unknown import Unknown
 

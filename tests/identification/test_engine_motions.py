@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.fitting.identification import Inverse, identify
+from icmj.fitting.identification import identify
+from icmj.fitting.inversion import Inverse
 from icmj.fitting.observed import Observed
 from icmj.fitting.unknown import Unknown
 

@@ -9,7 +9,8 @@ from terminal_cases import told
 
 import icmj
 from icmj.errors import IcmjError
-from icmj.fitting.identification import Inverse, identify
+from icmj.fitting.identification import identify
+from icmj.fitting.inversion import Inverse
 from icmj.fitting.observed import Observed
 from icmj.fitting.rhythm import Rhythm
 from icmj.fitting.unknown import Unknown

@@ -17,7 +17,7 @@ from icmj.fitting import posterior as calibration
 from icmj.fitting.bank import Bank
 from icmj.fitting.family import Prior, load_family
 from icmj.fitting.misfit import SeenSummaries
-from icmj.fitting.recordings import SUMMARIES, summarise
+from icmj.fitting.summaries import SUMMARIES, summarise
 from icmj.runfile.family_tables import ParameterTable, PriorTable
 from icmj.study import fit as families_module
 from icmj.study import fit as fits

@@ -125,7 +125,8 @@ def list_people(command: FitCommand, progress: Callable[[str, float], None] = la
     """
     from hashlib import sha256
 
-    from icmj.fitting.recordings import MOST, TrialOf, read_trials
+    from icmj.fitting.recording_tables import MOST
+    from icmj.fitting.recordings import TrialOf, read_trials
     from icmj.study.fit import Subject
 
     if command.table is None:
@@ -172,7 +173,7 @@ def list_people(command: FitCommand, progress: Callable[[str, float], None] = la
 
 def _list_rows(path: Path) -> list[dict[str, str]]:
     """The rows of a table of people, or of the public data set's own table."""
-    from icmj.fitting.recordings import INFO, public_trials, read_table
+    from icmj.fitting.recording_tables import INFO, public_trials, read_table
 
     if path.name == INFO:
         return [
