@@ -214,7 +214,7 @@ class Simulation(WithCard):
             t: times [s], increasing, within the run, shape (M,).
             after: values right after each of :attr:`resets`, NaN if unknown, shape (K, w).
             breaks: further times across which nothing is interpolated [s].
-            before: values right before each of :attr:`leads`, NaN if unknown, shape (S, w).
+            before: values right before each of ``leads``, NaN if unknown, shape (S, w).
         """
         kinds, resets = np.array([name.split(".")[0] for name in names]), self.resets
         bends, after = is_steady(names), np.full((len(resets), len(names)), np.nan) if after is None else after
