@@ -61,7 +61,7 @@ def find_factor(unit: str, quantity: str, name: str) -> float:
         DataError: if there is no unit, or it is not one of this quantity.
 
     Example:
-        >>> factor_of("N·mm", "torque", "ankle")
+        >>> find_factor("N·mm", "torque", "ankle")
         0.001
     """
     known = QUANTITIES[quantity].get(canonicalise(unit))
