@@ -125,9 +125,9 @@ def test_a_failure_leaves_the_old_page_alone(tmp_path, monkeypatch):
     def fail(case):
         raise RuntimeError("no panel")
 
-    monkeypatch.setattr(
-        "icmj.report.panels.PAPER_PANELS", (*PAPER_PANELS[:-1], replace(PAPER_PANELS[-1], drawing=fail))
-    )
+    from icmj.report.panels import critical_mode
+
+    monkeypatch.setattr(critical_mode, "PANEL", replace(critical_mode.PANEL, drawing=fail))
     with pytest.raises(RuntimeError, match="no panel"):
         build_report([result("b0.8")], out)
     assert out.read_text() == "old"
