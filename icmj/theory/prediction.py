@@ -244,7 +244,7 @@ class Prediction(WithCard):
         )
 
     @property
-    def moved(self) -> str:
+    def shifts(self) -> str:
         """Which crossings rounding may have moved, and how far; "" if none."""
         told = [f"{c.delta:.6g} s by up to {c.uncertainty:.1g} s" for c in self.crossings if c.uncertainty]
         shown = f"{', '.join(told[:3])}{f' and {len(told) - 3} more' if len(told) > 3 else ''}"
@@ -258,7 +258,7 @@ class Prediction(WithCard):
             family = (ALTERNATING,)
         missing = (f"a dash stands where there is no number: {self.missing}",) if self.missing else ()
         falls = () if self.observer_feedback_stable or not self.cycle else (FALLS,)
-        rounding = tuple(filter(None, (self.gaps, self.moved)))
+        rounding = tuple(filter(None, (self.gaps, self.shifts)))
         return (*(mode.words for mode in self.neutral), *family, *falls, *missing, *rounding)
 
     def card(self) -> Card:

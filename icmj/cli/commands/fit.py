@@ -140,7 +140,8 @@ def list_people(command: FitCommand, progress: Callable[[str, float], None] = la
     count = 0
     for i, row in enumerate(rows):
         columns = (row["column"],) if row.get("column") else command.columns
-        recording = row["person"], row.get("condition", ""), os.path.abspath(base / row["file"]), *columns
+        whose = row["person"], row.get("group", ""), row.get("condition", "")
+        recording = *whose, os.path.abspath(base / row["file"]), *columns
         if recording in listed:
             raise FitError(f"{command.table or row['file']}: {row['file']} is given twice for {row['person']}")
         listed.add(recording)
