@@ -7,7 +7,7 @@ from icmj.measurement.measure import Definition, Signal, define_measure
     "mean_distance", "mean distance", "U", standard=True,
     definitions=[Definition(
         "mean distance",
-        r"$\frac1N\sum \lvert x_i-\bar x\rvert$; in a plane, the mean of the distance from the mean point",
+        r"$\frac1N\sum \lvert x_i-\langle x_i\rangle\rvert$; in a plane, the mean of the distance from the mean point",
         "Prieto 1996 (MDIST)",
     )],
 )  # fmt: skip

@@ -7,7 +7,7 @@ from icmj.measurement.measure import Definition, Signal, define_measure
     "speed", "mean speed", "U/s", standard=True,
     definitions=[Definition(
         "mean speed",
-        r"$\frac1T\sum \lvert x_{i+1}-x_i\rvert$; in a plane, the length of the path divided by $T$",
+        r"$\frac{f_s}N\sum \lvert x_{i+1}-x_i\rvert$; in a plane, the length of the path divided by $N/f_s$",
         "Prieto 1996 (MVELO)",
     )],
 )  # fmt: skip

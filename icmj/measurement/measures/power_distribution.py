@@ -81,15 +81,16 @@ def _slope(f: Array, P: Array) -> float:
     ],
     definitions=[
         Definition(
-            "spectrum $P(f)$",
+            "spectrum $S(f)$",
             "Welch's method with Hann windows of half the record, which overlap by half, or by one row less, so that "
             "no row is left out; the mean of each window is removed",
             "Welch 1967; Santos & Duarte 2016",
         ),
         Definition(
             "mean frequency",
-            r"$\int f P\,df / \int P\,df$ by the trapezoidal rule; in a plane, $P$ is the sum of both spectra. This is "
-            r"not the centroidal frequency $\sqrt{\int f^2 P\,df/\int P\,df}$ of Prieto 1996 (CFREQ)",
+            r"$\int f S\,\mathrm{d}f / \int S\,\mathrm{d}f$ by the trapezoidal rule; in a plane, $S$ is the sum of "
+            r"both spectra. This is not the centroidal frequency "
+            r"$\sqrt{\int f^2 S\,\mathrm{d}f/\int S\,\mathrm{d}f}$ of Prieto 1996 (CFREQ)",
             "Santos & Duarte 2016",
         ),
         Definition(
@@ -98,7 +99,7 @@ def _slope(f: Array, P: Array) -> float:
         ),
         Definition(
             "slope of spectrum",
-            r"slope of $\log P$ against $\log f$ from 0.1 to 0.7 Hz, both included; a line outside by less than the "
+            r"slope of $\log S$ against $\log f$ from 0.1 to 0.7 Hz, both included; a line outside by less than the "
             "distance of two lines counts for the rest of that distance",
         ),
     ],

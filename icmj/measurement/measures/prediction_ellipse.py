@@ -86,8 +86,8 @@ def prediction_ellipse(points: Array, level: float = LEVEL) -> Ellipse:
     ],
     definitions=[Definition(
         "95 % prediction ellipse",
-        r"area $\pi\,\frac{2(N+1)(N-1)}{N(N-2)}F_{0.95;2,N-2}\sqrt{\det S}$ with the covariance matrix $S$; also its "
-        "semi-axes (half axes), and the angle of the longer one to the first coordinate",
+        r"area $\pi\,\frac{2(N+1)(N-1)}{N(N-2)}F_{0.95;2,N-2}\sqrt{\det\Sigma_x}$ with the covariance matrix "
+        r"$\Sigma_x$; also its semi-axes (half axes), and the angle of the longer one to the first coordinate",
         "Chew 1966; see Schubert & Kirchner 2014",
     )],
 )  # fmt: skip

@@ -12,8 +12,8 @@ LEVEL = 0.95
     "prediction_range", "prediction range", "U", of=["coordinate"], standard=True,
     definitions=[Definition(
         "95 % prediction range",
-        r"$2\,t_{0.975,N-1}\,s\sqrt{1+1/N}$: the width of the range that contains a further value with a probability "
-        "of 95 %; $s$ is the standard deviation",
+        r"$2\,t_{0.975,N-1}\,\sigma_x\sqrt{1+1/N}$: the width of the range that contains a further value with a "
+        r"probability of 95 %; $\sigma_x$ is the standard deviation",
         "Schubert & Kirchner 2014",
     )],
 )  # fmt: skip

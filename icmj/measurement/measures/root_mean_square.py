@@ -8,7 +8,8 @@ from icmj.measurement.measure import Definition, Signal, define_measure
 @define_measure(
     "rms", "RMS", "U", standard=True,
     definitions=[Definition(
-        "RMS", r"$\sqrt{\frac1N\sum (x_i-\bar x)^2}$; in a plane, the RMS of the distance from the mean point",
+        "RMS",
+        r"$\sqrt{\frac1N\sum (x_i-\langle x_i\rangle)^2}$; in a plane, the RMS of the distance from the mean point",
         "Prieto 1996 (RDIST)",
     )],
 )  # fmt: skip

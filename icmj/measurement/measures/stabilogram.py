@@ -140,19 +140,19 @@ def _line(x: Array, y: Array) -> tuple[float, float]:
     ],
     definitions=[
         Definition(
-            r"$\langle\Delta x^2\rangle(\Delta t)$",
-            r"mean of $(x_{i+m}-x_i)^2$ over all pairs, $m = f_s\Delta t$; in a plane, the sum over both coordinates",
+            r"$\langle (x_{i+j}-x_i)^2\rangle$",
+            r"mean over all pairs, as a function of the lag $j/f_s$; in a plane, the sum over both coordinates",
             "Collins & De Luca 1993",
         ),
         Definition(
             "$H$, short and long times",
-            r"half the slope of $\log\langle\Delta x^2\rangle$ against $\log\Delta t$, from 0.05 to 0.5 s and from 2.5 "
+            r"half the slope of the logarithm of this mean against $\log(j/f_s)$, from 0.05 to 0.5 s and from 2.5 "
             "to 10 s",
             "Collins & De Luca 1993",
         ),
         Definition(
             "$D$, short and long times",
-            r"half the slope of $\langle\Delta x^2\rangle$ against $\Delta t$, in the same windows",
+            r"half the slope of this mean against the lag, in the same windows",
             "Collins & De Luca 1993",
         ),
         Definition(
