@@ -27,7 +27,7 @@ FLOORS = (
 )
 LEVEL = {folder: level for level, floor in enumerate(FLOORS) for folder in floor}
 # what is compiled: the loop on the engine, the exact simulation of the linear plant, and how both are
-ROOMS = ("engine/native", "linear/native", "base/compilation", "base/linking", "base/roots")
+ROOMS = ("engine/native", "linear/native", "base/compilation", "base/linking", "base/references", "base/roots")
 TABLES = ("runfile", "study/experiment_file", "study/kind")  # the schema of files
 ONLY_IN = {"mujoco": "engine", "rerun": "log", "numba": ROOMS, "argparse": "cli", "pydantic": TABLES}
 MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")

@@ -51,6 +51,7 @@ from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.runtime import rtsys
 from numba.core.sigutils import normalize_signature
 from numba.core.typed_passes import NativeLowering
+from numba.core.typing.templates import AttributeTemplate as AttributeTemplate
 
 
 class _Intermediate(JITCodeLibrary):

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from icmj.base.references import refer
 from icmj.base.roots import ONE_INSTANT, one
 from icmj.engine.native.field import drive, flow, forward
 from icmj.engine.native.memory import (
@@ -533,6 +534,6 @@ def compile_steps() -> Any:
             here, run, bare(faces), bare(progress), bare(record), bare(taps), 0, bare(now), 0, 0,
             bare(levels), until, here.time, run.edges, run.t_end,
         )  # fmt: skip
-        return _run(f)
+        return _run(refer(f))
 
     return advance

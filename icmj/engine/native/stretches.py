@@ -21,6 +21,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+from icmj.base.references import refer
 from icmj.base.roots import ONE_INSTANT, evaluate
 from icmj.engine.block import Slot
 from icmj.engine.native.field import flow, forward
@@ -499,6 +500,6 @@ def compile_stretches() -> Any:
             here, run, 0, bare(progress), bare(record), bare(taps), bare(history), bare(now), bare(reader),
             bare(track), bare(levels), until, here.time, run.edges, run.t_end,
         )  # fmt: skip
-        return _run(f)
+        return _run(refer(f))
 
     return march

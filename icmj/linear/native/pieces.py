@@ -22,6 +22,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.compilation import compiled, entry, hash_contents, inlined, merged
+from icmj.base.references import refer
 from icmj.base.roots import DEEPEST, ONE_INSTANT
 from icmj.linear.native.motion import (
     EVENT,
@@ -383,6 +384,6 @@ def compile_pieces() -> Any:
         series = np.empty((terms, tables.M.shape[1]))
         run.counts[Count.LEFT] = _PATIENCE
         flow = Pieces(tables, acting, run, room, work, turning, series, scratch, most_events)
-        return _run(flow)
+        return _run(refer(flow))
 
     return simulate

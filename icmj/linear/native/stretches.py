@@ -18,6 +18,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.compilation import compiled, entry, exact, hash_contents, merged
+from icmj.base.references import refer
 from icmj.base.roots import ONE_INSTANT, evaluate, first_root, largest
 from icmj.simulation.native.loop import (
     ARRIVED,
@@ -413,6 +414,6 @@ def compile_stretches() -> Any:
             return _FULL
         track.counts[3] = _CELLS
         flow = Stretches(taps, body, history, now, track, track.t, body.edges, body.levels, body.end)
-        return _run(flow)
+        return _run(refer(flow))
 
     return march
