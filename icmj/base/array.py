@@ -30,6 +30,7 @@ RELATIVE_ROUNDING = 1e-9
 """How far numbers may be apart, relative to them, and count as equal: rounding, with room for other processors."""
 SEMIDEFINITE = 1e-12
 """How far below zero an eigenvalue of :func:`compute_balanced_modes` may lie, by rounding, where none is negative."""
+_ROUNDS = 8  # each halves the decades by which the largest entry of a row or column differs from 1
 _LAST_BITS = 16 * np.finfo(float).eps
 """How far an instant may be from itself, relative to it, as the sum or product of two others: 3 · 0.1 is not 0.3."""
 
@@ -127,6 +128,26 @@ def compute_balanced_modes(W: Array) -> tuple[Array, Array, Array]:
     diagonal = np.abs(np.diag(W))
     scales = np.sqrt(np.where(diagonal > 0, diagonal, np.abs(W).max(initial=0.0) or 1.0))
     return scales, *np.linalg.eigh(W / scales / scales[:, None])
+
+
+def choose_units(M: Array) -> tuple[Array, Array]:
+    """Factors of rows and columns of M ≥ 0 that make its entries alike, whatever units it is given in; (m,) and (n,).
+
+    They make the squared logarithms of all entries but zeros least (Curtis, Reid 1972), and then no entry larger
+    than 1.
+    """
+    m = len(M)
+    there = M > 0
+    counts = np.block([[np.diag(there.sum(axis=1)), there], [there.T, np.diag(there.sum(axis=0))]])
+    sizes = np.log(M, out=np.zeros(M.shape), where=there)
+    factors = np.linalg.lstsq(counts, -np.concatenate([sizes.sum(axis=1), sizes.sum(axis=0)]), rcond=None)[0]
+    left, right = np.exp(factors[:m]), np.exp(factors[m:])
+    for _ in range(_ROUNDS):
+        largest = (left[:, None] * M * right).max(axis=1)
+        left = left / np.sqrt(np.where(largest > 0, largest, 1.0))
+        largest = (left[:, None] * M * right).max(axis=0)
+        right = right / np.sqrt(np.where(largest > 0, largest, 1.0))
+    return left, right
 
 
 def balance(M: Array, least: float = 0.0) -> tuple[Array, Array]:

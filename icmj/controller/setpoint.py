@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, at_or_after, count_steps
+from icmj.base.array import Array, at_or_after, choose_units, count_steps
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.controller.trigger import Faces
@@ -222,12 +222,9 @@ def _steady_states(plant: LinearPlant, rows: Mapping[str, Array]) -> tuple[Array
     """x_ss and u_ss of A x + B u = 0, C_r x = 1 of one target and 0 of the others."""
     C_r, n, n_u = np.array(list(rows.values())).reshape(-1, plant.n), plant.n, plant.n_u
     whole = np.block([[plant.A, plant.B], [C_r, np.zeros((len(C_r), n_u))]])
-    states, commands = (np.abs(part).max(axis=1, initial=0.0) for part in (whole[:, :n], whole[:, n:]))
-    unit = np.max(commands[states > 0] / states[states > 0], initial=0.0) or 1.0  # commands count as much as states
-    whole[:, n:] /= unit
-    scale = np.maximum(np.abs(whole).max(axis=1), 1e-300)
-    whole = whole / scale[:, None]
-    wanted = np.vstack([np.zeros((n, len(C_r))), np.diag(1 / scale[n:])])
+    left, right = choose_units(np.abs(whole))
+    whole = left[:, None] * whole * right
+    wanted = np.vstack([np.zeros((n, len(C_r))), np.diag(left[n:])])
     U, s, Vt = np.linalg.svd(whole)
     rank = int((s > _REST * s[0]).sum())
     found = Vt[:rank].T @ ((U[:, :rank].T @ wanted) / s[:rank, None])
@@ -240,7 +237,10 @@ def _steady_states(plant: LinearPlant, rows: Mapping[str, Array]) -> tuple[Array
             )
     free = Vt[rank:].T
     # a coordinate at which the plant is at rest anywhere needs no command; the one that it has here is rounding
-    V, command, Wt = np.linalg.svd(free[n:], full_matrices=False)
-    used = command > max(_REST, 16 * np.finfo(float).eps * s[0] / s[rank - 1])
-    found = found - free @ (Wt[used].T @ ((V[:, used].T @ found[n:]) / command[used, None]))
-    return found[:n], found[n:] / unit
+    _, command, Wt = np.linalg.svd(free[n:])
+    used = int((command > max(_REST, 16 * np.finfo(float).eps * s[0] / s[rank - 1])).sum())
+    x_ss, u_ss = np.split(right[:, None] * found, [n])
+    along, commands = np.split(right[:, None] * (free @ Wt.T), [n])
+    less = np.linalg.lstsq(commands[:, :used], u_ss, rcond=None)[0]
+    x_ss, u_ss = x_ss - along[:, :used] @ less, u_ss - commands[:, :used] @ less
+    return x_ss - along[:, used:] @ np.linalg.lstsq(along[:, used:], x_ss, rcond=None)[0], u_ss

@@ -16,7 +16,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, argmax_abs, balance
+from icmj.base.array import Array, argmax_abs, balance, choose_units
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
 
@@ -63,7 +63,6 @@ def permit(notices: Iterable[Notice], allow: Iterable[str], where: str) -> tuple
 
 # relative: finite differences err by 1e-9, and a double integrator's eigenvalues by the root of that
 _RANK, _NEUTRAL, _SHARE = 1e-7, 1e-4, 0.1
-_ROUNDS = 8  # each halves the decades by which the largest entry of a row or column differs from 1
 IDLE = 1e-8
 """Largest effect of what affects nothing, relative to the largest entry of A, where A is made of differences."""
 
@@ -191,7 +190,7 @@ def _find_null(A: Array, C: Array, error: float, rate: float = 0.0) -> NDArray[n
         left[: len(A)] = IDLE / error
         left[len(A) :] = 1 / np.linalg.norm(C, axis=1)
     else:
-        left, right = _choose_units(np.abs(M) + rate * np.eye(*M.shape))
+        left, right = choose_units(np.abs(M) + rate * np.eye(*M.shape))
     _, values, Vh = np.linalg.svd(left[:, None] * M * right)
     N = left_over = Vh[int((values > _RANK).sum()) :].conj().T
     pivots = []
@@ -200,26 +199,6 @@ def _find_null(A: Array, C: Array, error: float, rate: float = 0.0) -> NDArray[n
         row = left_over[pivots[-1]]
         left_over = left_over - np.outer(left_over @ row.conj(), row) / (np.linalg.norm(row) ** 2)
     return np.asarray(N @ np.linalg.inv(N[pivots]), complex)
-
-
-def _choose_units(M: Array) -> tuple[Array, Array]:
-    """Factors of rows and columns of M ≥ 0 that make its entries alike, whatever units it is given in; (m,) and (n,).
-
-    They make the squared logarithms of all entries but zeros least (Curtis, Reid 1972), and then no entry larger
-    than 1.
-    """
-    m = len(M)
-    there = M > 0
-    counts = np.block([[np.diag(there.sum(axis=1)), there], [there.T, np.diag(there.sum(axis=0))]])
-    sizes = np.log(M, out=np.zeros(M.shape), where=there)
-    factors = np.linalg.lstsq(counts, -np.concatenate([sizes.sum(axis=1), sizes.sum(axis=0)]), rcond=None)[0]
-    left, right = np.exp(factors[:m]), np.exp(factors[m:])
-    for _ in range(_ROUNDS):
-        largest = (left[:, None] * M * right).max(axis=1)
-        left = left / np.sqrt(np.where(largest > 0, largest, 1.0))
-        largest = (left[:, None] * M * right).max(axis=0)
-        right = right / np.sqrt(np.where(largest > 0, largest, 1.0))
-    return left, right
 
 
 def _names(plant: LinearPlant, vector: NDArray[np.complex128]) -> tuple[str, ...]:

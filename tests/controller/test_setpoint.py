@@ -131,3 +131,42 @@ def test_a_coordinate_that_is_at_rest_anywhere_needs_no_command(first) -> None:
         rest = plant.A @ found.x_ss + plant.B @ found.u_ss
         assert np.abs(rest).max() < 1e-10 * (1 + largest)
         assert plant.C @ found.x_ss == pytest.approx(np.ones((1, 1)), abs=1e-10 * (1 + largest))
+
+
+def plant_of_whole_numbers(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, B and C of up to eight states and four inputs; up to two states are coordinates on which no rate depends."""
+    random = np.random.default_rng(seed)
+    n, n_u = int(random.integers(1, 9)), int(random.integers(1, 5))
+    n_y, free = int(random.integers(1, n_u + 1)), min(int(random.integers(0, 3)), n)
+    A = random.integers(-5, 6, (n, n)) * (random.random((n, n)) < 0.7)
+    B, C = random.integers(-3, 4, (n, n_u)), random.integers(-3, 4, (n_y, n))
+    A[:, n - free :] = 0
+    if random.random() < 0.6:
+        C[:, n - free :] = 0
+    if random.random() < 0.3:
+        B[n - free :] = 0
+    return A, B, C
+
+
+@pytest.mark.parametrize("first", [0, pytest.param(100, marks=pytest.mark.slow)])
+def test_a_plant_in_any_units_rests_where_exact_ranks_say_that_it_can(first: int) -> None:
+    matrix = pytest.importorskip("flint", reason="exact ranks").fmpz_mat
+    for seed in range(first, 100 if not first else 1000):
+        A, B, C = plant_of_whole_numbers(seed)
+        whole = np.block([[A, B], [C, np.zeros((len(C), B.shape[1]), int)]])
+        wanted = np.vstack([np.zeros((len(A), len(C)), int), np.eye(len(C), dtype=int)])
+        solvable = matrix(whole.tolist()).rank() == matrix(np.hstack([whole, wanted]).tolist()).rank()
+        random = np.random.default_rng(seed)
+        X, U, Y = (2.0 ** random.integers(-9, 10, size) for size in (len(A), B.shape[1], len(C)))
+        hour = 2.0 ** random.integers(-10, 11)
+        plant = LinearPlant(A * X / X[:, None] * hour, B * U / X[:, None] * hour, C * X / Y[:, None])
+        targets = [Target({name: 1.0}, step(1.0)) for name in plant.outputs]
+        if not solvable:
+            with pytest.raises(AnalysisError, match="no steady state"):
+                setpoint(plant, targets)
+            continue
+        found = setpoint(plant, targets)
+        x, u = X[:, None] * found.x_ss / Y, U[:, None] * found.u_ss / Y
+        size = np.maximum(np.abs(x).max(axis=0), np.abs(u).max(axis=0))
+        assert (np.abs(A @ x + B @ u) <= 1e-9 * size).all(), seed
+        assert (np.abs(C @ x - np.eye(len(C))) <= 1e-9 * np.maximum(size, 1)).all(), seed
