@@ -80,7 +80,11 @@ def find_neutral(A: Array, C: Array) -> Array:
 def select_lasting(A: Array, V: Array) -> Array:
     """The part of the invariant subspace V whose modes neither grow nor decay, shape (N, r)."""
     A_V, error = V.T @ A @ V, estimate_error(A)
-    return V @ find_span(A_V, lambda mu: are_together(A_V, mu, 1j * mu.imag, error))
+    lasting = find_span(A_V, lambda mu: are_together(A_V, mu, 1j * mu.imag, error))
+    rates = np.linalg.eigvals(lasting.T @ A_V @ lasting).real
+    # of several that are one an error makes a wide ring, but around their rate: one beside the axis is not zero
+    around_zero = not rates.size or abs(rates.mean()) <= max(_GAP * error, float(np.ptp(rates)))
+    return V @ lasting if around_zero else V[:, :0]
 
 
 def select_growing(A: Array, V: Array, C: Array) -> Array:
