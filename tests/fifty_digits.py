@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, eig, expm
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -180,13 +180,13 @@ def turn(loop: Loop, rng: np.random.Generator, decades: int) -> Loop:
 
 
 class Scan:
-    """Eigenvalues of φ(Δ) of a loop with 50 digits."""
+    """Eigenvalues of φ(Δ) of a loop with 50 digits, or more where φ would lose them."""
 
-    def __init__(self, loop: Loop) -> None:
+    def __init__(self, loop: Loop, digits: int = DIGITS) -> None:
         from flint import arb, arb_mat, ctx
 
-        ctx.dps = DIGITS
-        self._arb = arb
+        ctx.dps = digits
+        self._arb, self._loop, self._digits = arb, loop, digits
 
         def exact(M: Any) -> Any:
             return arb_mat([[arb(float(value)) for value in row] for row in np.atleast_2d(M)])
@@ -210,11 +210,37 @@ class Scan:
             rows += [[arb(0)] * n + row for row in ahead.tolist()[:m]]
             self.enter = arb_mat(rows)
 
+        self._floats = [
+            np.array([[float(x.mid()) for x in row] for row in M.tolist()], float) for M in (self.F, self.enter)
+        ]
+
+    def roughly(self, delta: float) -> tuple[np.ndarray, int, int] | None:
+        """What :meth:`levels` gives, in floats; ``None`` where an error hundreds of times theirs may change a count.
+
+        e^{FΔ} errs by its rounding times FΔ, and an eigenvalue by the error of the matrix times its condition number.
+        """
+        (F, enter), t = self._floats, delta - float(self.t_d.mid())
+        with np.errstate(all="ignore"):
+            flown = expm(F * t)
+            phi = (flown @ enter)[: self.size]
+            if not np.isfinite(phi).all():
+                return None
+            values, left, right = eig(phi, left=True, right=True)
+            error = 1e-13 * (10 + np.linalg.norm(F, 2) * t) * np.linalg.norm(flown, 2) * np.linalg.norm(enter, 2)
+            error = error / np.abs((left.conj() * right).sum(axis=0))
+        if not (np.abs(np.abs(values) - 1) > error).all():
+            return None
+        real = values.real[values.imag == 0]
+        return np.abs(values) ** 2 - 1, int((real > 1).sum() % 2), int((real < -1).sum() % 2)
+
     def levels(self, delta: float) -> tuple[np.ndarray, int, int]:
         """|λ|² − 1 of each eigenvalue of φ(Δ), and whether an odd number is beyond +1, and beyond −1."""
-        from flint import acb_mat, arb_mat
+        from flint import acb_mat, arb_mat, ctx
 
+        ctx.dps = self._digits
         flown = ((self.F * (self._arb(delta) - self.t_d)).exp() * self.enter).tolist()[: self.size]
+        if max(float(entry.rad()) for row in flown for entry in row) > ON:
+            return Scan(self._loop, 2 * self._digits).levels(delta)
         values = acb_mat(arb_mat(flown)).eig(algorithm="approx", maxiter=10000)
         level = np.array([float((z.real * z.real + z.imag * z.imag - 1).mid()) for z in values])
         odd = []
@@ -246,7 +272,7 @@ class Count:
 
     @classmethod
     def at(cls, scan: Scan, delta: float) -> Count:
-        level, plus, minus = scan.levels(delta)
+        level, plus, minus = scan.roughly(delta) or scan.levels(delta)
         here = level[np.abs(level) > ON]
         return cls(int((here > 0).sum()), plus, minus, float(np.abs(here).min(initial=np.inf)))
 
