@@ -13,9 +13,9 @@ iff that is stable, and this departure is not a crossing. The functions are made
 circle (:mod:`icmj.theory.circle`), represented by Chebyshev interpolants on panels, halved until the coefficients
 have decayed; all their zeros on a panel follow from a colleague matrix. Zeros close together are zoomed into until they
 separate. Then the crossings found must explain the change in the number of eigenvalues outside the circle over each
-panel, or the panel is halved again; what the shortest panels leave unexplained is part of the result, and so is where
-two panels disagree on that number. A crossing that rounding moves, but takes nowhere near another, is found, and says
-how far.
+panel, or the panel is halved again. What the shortest panels leave unexplained, or rounding decides, is searched again
+with φ in long arithmetic (:mod:`icmj.theory.long_arithmetic`), and what remains is part of the result. A crossing that
+rounding moves, but takes nowhere near another, is found, and says how far.
 
 The search counts time in a unit of its own, so that bounds hold of a plant in any unit of time: a power of two, which
 changes no digit, near a third of the interval searched.
@@ -131,9 +131,33 @@ def search(
         return Search((), delta_max)
     unit = 2.0 ** round(np.log2(delta_max / 3))
     fine = _RESOLUTION * unit if resolution is None else resolution
-    return _Finder(spectra, Spectra(reduced, _ERROR), fine, unit, progress or (lambda _: None)).run(
-        delta_start, delta_max
-    )
+    finder = _Finder(spectra, Spectra(reduced, _ERROR), fine, unit, progress or (lambda _: None))
+    found = finder.run(max(delta_start, finder.t_d), _find_end(reduced, delta_max))
+    if not found.unresolved:
+        return found
+    finder = _Finder(Spectra(reduced, long=True), Spectra(reduced, _ERROR, long=True), fine, unit, finder.progress)
+    return finder.repeat(found)
+
+
+def _find_end(reduced: Reduction, end: float) -> float:
+    """``end``, or the last Δ before it at which φ has not outgrown its rounding."""
+    first_end = end
+    while True:
+        with np.errstate(over="ignore", invalid="ignore"):
+            t, states = reduced.flow.trajectory(reduced.right, end - reduced.t_d, 64)
+            size = np.abs(reduced.left @ states).max(axis=(1, 2))
+        drowned = np.flatnonzero(~(size <= _DROWNED))
+        if not len(drowned):
+            return end
+        first = int(drowned[0])
+        if first > 16 or (first == 0 and reduced.t_d):
+            return float(reduced.t_d + t[max(first - 1, 0)])
+        end = float(reduced.t_d + t[first])
+        if end < 1e-9 * first_end:
+            raise AnalysisError(
+                f"not analysable: φ(Δ) grows beyond {_DROWNED:.0e} within {end:.1e} s, of {first_end:.4g} s to "
+                "search; look for gains or rates that are out of proportion"
+            )
 
 
 class _Finder:
@@ -147,8 +171,6 @@ class _Finder:
         self.on, self.t_d = _ON, spectra.t_d
 
     def run(self, start: float, end: float) -> Search:
-        start = max(start, self.t_d)
-        end = self._clear(end)
         if end <= start:
             return Search((), end)
         width = (end - start) / _PANELS
@@ -224,6 +246,21 @@ class _Finder:
         unresolved = _join([(max(first, start), min(last, end), 1) for first, last in wider])
         return Search(tuple(apart), float(end), tuple((float(first), float(last)) for first, last, _ in unresolved))
 
+    def repeat(self, found: Search) -> Search:
+        """The search again, where it left crossings unresolved."""
+        crossings, unresolved = list(found.crossings), list[tuple[float, float]]()
+        for first, last in found.unresolved:
+            if last - first < _KNOWN * self.unit:  # two panels disagree where they meet
+                first, last = max(first - _KNOWN * self.unit, self.t_d), min(last + _KNOWN * self.unit, found.delta_end)
+            try:
+                here = self.run(first, last)
+            except AnalysisError:  # they move too wildly still
+                unresolved.append((first, last))
+                continue
+            crossings = [c for c in crossings if not first < c.delta <= last] + list(here.crossings)
+            unresolved += here.unresolved
+        return Search(tuple(sorted(crossings, key=lambda c: c.delta)), found.delta_end, tuple(unresolved))
+
     def _with_uncertainty(self, c: Crossing) -> Crossing:
         moved = 0.0 if c.direction == "tangent" else self._moved(c.delta, c.kind)
         return replace(c, uncertainty=float(moved)) if moved > _MARGIN * _RESOLUTION * self.unit else c
@@ -258,26 +295,6 @@ class _Finder:
             if abs(level) < max(_ON_AT_LAST, off) and slope > 0:
                 farthest = max(farthest, _MARGIN * (off + (0.0 if kinds else abs(level))) / slope)
         return min(farthest, self.unit / _PANELS)  # farther, a slope tells nothing
-
-    def _clear(self, end: float) -> float:
-        """``end``, or the last Δ before it at which φ has not outgrown its rounding."""
-        first_end = end
-        while True:
-            with np.errstate(over="ignore", invalid="ignore"):
-                t, states = self.spectra.flow.trajectory(self.spectra.right, end - self.t_d, 64)
-                size = np.abs(self.spectra.left @ states).max(axis=(1, 2))
-            drowned = np.flatnonzero(~(size <= _DROWNED))
-            if not len(drowned):
-                return end
-            first = int(drowned[0])
-            if first > 16 or (first == 0 and self.t_d):
-                return float(self.t_d + t[max(first - 1, 0)])
-            end = float(self.t_d + t[first])
-            if end < 1e-9 * first_end:
-                raise AnalysisError(
-                    f"not analysable: φ(Δ) grows beyond {_DROWNED:.0e} within {end:.1e} s, of {first_end:.4g} s to "
-                    "search; look for gains or rates that are out of proportion"
-                )
 
     def _find(
         self, functions: dict[Kind, Array], centre: float, radius: float, near_set: NDArray[np.intp], on: float
@@ -350,7 +367,9 @@ class _Finder:
         if not at.value or (kind != "complex" and abs(at.value - int(kind)) > 1e-3):
             return []
         level = float(np.log(abs(at.value)))
-        if abs(level) > self.on and (abs(level) > _ON_AT_LAST or abs(level) > _MARGIN * self._blur(kind, delta, level)):
+        # beside +1, where every slow eigenvalue is at first, a pair is on the circle only by its distance from there
+        bound = self.on * (min(1.0, abs(at.value - 1)) if kind == "complex" else 1.0)
+        if abs(level) > bound and (abs(level) > _ON_AT_LAST or abs(level) > _MARGIN * self._blur(kind, delta, level)):
             return []
         lam = {"+1": 1.0 + 0j, "-1": -1.0 + 0j, "complex": at.value / abs(at.value)}[kind]
         lam = complex(lam.real, abs(lam.imag))

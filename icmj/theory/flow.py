@@ -45,7 +45,7 @@ class Flow:
         """F(t) = e^{Ā_C t} − I for each t ≥ 0, shape (..., N, N)."""
         t = np.asarray(t, dtype=float)
         flat = t.reshape(-1)
-        doublings = self._doublings(flat.max(initial=0.0))
+        doublings = self.count_doublings(flat.max(initial=0.0))
         F = self._short(flat / 2**doublings)
         for _ in range(doublings):
             F = 2 * F + F @ F
@@ -108,7 +108,8 @@ class Flow:
                 f"to a range of {t:.4g} s; look for gains or rates of the wrong size, or search a shorter range"
             )
 
-    def _doublings(self, t: float) -> int:
+    def count_doublings(self, t: float) -> int:
+        """How often a time that one series reaches has to be doubled to reach ``t`` [s]."""
         return max(0, int(np.ceil(np.log2(max(t / self.reach, 1.0)))))
 
     def _short(self, t: Array) -> Array:

@@ -11,11 +11,14 @@ from icmj.base.array import Array
 from icmj.errors import AnalysisError
 from icmj.theory.circle import TOGETHER, Spectrum, sort_outwards
 from icmj.theory.crossing import Kind
-from icmj.theory.flow import make_flow
+from icmj.theory.flow import Flow, make_flow
+from icmj.theory.invariant_subspaces import are_together
+from icmj.theory.long_arithmetic import LongFlow, lengthen_flow, settle
 from icmj.theory.reduction import Reduction
 
 _CHUNK = 4_000_000  # entries of G worked on at once
-_EQUAL = 1e-11  # eigenvalues of φ this close, relative to it, are equal to rounding
+_EQUAL = 1e-11  # eigenvalues of G this close, relative to it, are equal to rounding
+_DEFECT = 1e-12  # relative: an error of G that may make several of a defective one
 # singular values below this, relative to G, belong to eigenvectors
 _NULL = 1e-6
 # eigenvalues that move more slowly than this times the fastest in a cluster do not cross with it
@@ -44,18 +47,20 @@ class EigenvalueBranch:
 class Spectra:
     """Spectra of G(Δ) = (φ(Δ) − I)/Δ of a reduced error system; eigenvalues λ = 1 + Δg.
 
-    With an ``error``, of the system with every entry off by that much of its row.
+    With an ``error``, of the system with every entry off by that much of its row. ``long`` has φ computed in long
+    arithmetic.
     """
 
-    def __init__(self, reduced: Reduction, error: float = 0.0) -> None:
-        self.flow, self.left, self.right, self.t_d = reduced.flow, reduced.left, reduced.right, reduced.t_d
+    def __init__(self, reduced: Reduction, error: float = 0.0, *, long: bool = False) -> None:
+        flow, self.left, self.right, self.t_d = reduced.flow, reduced.left, reduced.right, reduced.t_d
         if error:
             draw = np.random.default_rng(0).choice
             A, right = (
                 M + error * np.linalg.norm(M, axis=1, keepdims=True) * draw([-1.0, 1.0], M.shape)
                 for M in (reduced.A, reduced.right)
             )
-            self.flow, self.right = make_flow(A), right if self.t_d else self.right  # of zeros and ones without a delay
+            flow, self.right = make_flow(A), right if self.t_d else self.right  # of zeros and ones without a delay
+        self.flow: Flow | LongFlow = lengthen_flow(flow) if long else flow
         self._jump = self.left @ self.right - np.eye(len(self.left))  # φ − I at Δ = t_d; zero without a delay
 
     @property
@@ -80,6 +85,7 @@ class Spectra:
         for i in range(0, len(starts), step):
             a = slice(i, i + step)
             F = (F_a[a] @ self.right + self._jump)[:, None] + (F_a[a] + self.left)[:, None] @ F_s
+            [F] = settle(F)
             G = F / np.where(delta[a] == 0, 1.0, delta[a])[..., None, None]
             G[delta[a] == 0] = at_zero
             spectra[a] = sort_outwards(_eigenvalues(G), delta[a])
@@ -88,19 +94,16 @@ class Spectra:
 
     def at(self, delta: Array) -> Spectrum:
         """Spectra of G sorted outwards at each Δ > 0, shape (M,) → (M, m)."""
-        G = self.left @ self.flow.increment(delta - self.t_d) @ self.right + self._jump
-        return sort_outwards(_eigenvalues(G / delta[:, None, None]), delta)
+        [F] = settle(self.left @ self.flow.increment(delta - self.t_d) @ self.right + self._jump)
+        return sort_outwards(_eigenvalues(F / delta[:, None, None]), delta)
 
     def _same(self, G: Array, g: Spectrum, i: int, delta: float) -> NDArray[np.bool_]:
         """Whether each eigenvalue equals the i-th, within rounding or the effect of rounding on a defective one."""
-        distance = np.abs(g - g[i]) * delta
-        equal = distance < _EQUAL * max(1.0, float(np.abs(G).max()) * delta)
-        near = distance < TOGETHER
-        if near.sum() > equal.sum():
-            sizes = np.linalg.svd(G - g[near].mean() * np.eye(len(G)))[1]
-            if int((sizes < _NULL * max(sizes[0], 1.0)).sum()) < near.sum():
-                return near
-        return equal
+        distance, size = np.abs(g - g[i]), float(np.abs(G).max())
+        same = distance < _EQUAL * size
+        for j in np.flatnonzero(~same & (distance * delta < TOGETHER)):
+            same[j] = are_together(G, complex(g[j]), complex(g[i]), _DEFECT * size)
+        return same
 
     def _pairs_up(self, G: Array, g: Spectrum, i: int, delta: float) -> bool:
         """Whether the i-th and its conjugate are two, and not one real eigenvalue that rounding has made two of."""
@@ -115,7 +118,9 @@ class Spectra:
         from scipy.linalg import eig
 
         F = self.flow.increment(delta - self.t_d)
-        G = (self.left @ F @ self.right + self._jump) / delta
+        rate = self.left @ (self.flow.A_C @ (self.right + F @ self.right))
+        G, rate = settle(self.left @ F @ self.right + self._jump, rate)
+        G = G / delta
         g, left, right = eig(G, left=True, right=True)
         if kind == "complex":
             upper = np.array(
@@ -130,7 +135,6 @@ class Spectra:
                 return None
         same = self._same(G, g, i, delta)
         count = int(same.sum())
-        rate = self.left @ (self.flow.A_C @ (self.right + F @ self.right))
         if count == 1:
             value, dimension, slower = g[i], 1, np.empty(0)
             w, v = left[:, i].conj(), right[:, i]
