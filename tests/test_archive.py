@@ -82,3 +82,19 @@ def test_what_a_release_wrote_is_read(release: Path) -> None:
 
 def test_this_version_has_its_folder() -> None:
     assert (ARCHIVE / icmj.__version__ / "expected.json").is_file()
+
+
+def test_a_log_that_knows_one_side_of_actions_and_edges_is_exported_as_before(tmp_path: Path) -> None:
+    """Of 0.1.0: torque, hold and event function, and push, in the last row before actions at 0.4527 and 0.6316 s, and edges."""
+    packed = ARCHIVE / "0.1.0" / "logs" / "three-link.mujoco.rrd.xz"
+    (tmp_path / "run.rrd").write_bytes(lzma.decompress(packed.read_bytes()))
+    result = icmj.read_log(tmp_path / "run.rrd")
+    assert result.simulation.leads.size == 0
+    series, rows = result.to_series(311.0), [140, 196, 248, 264]
+    for name, expected in (
+        ("u.ankle_torque", [-23.7037390895367, 1.7499926860865305, 21.71992395359356, 16.616520739352445]),
+        ("x_h.ankle", [0.02022779401549793, 0.0115649117533637, -0.0030611311393242604, -0.0038633865646613276]),
+        ("E", [0.00015016781577723153, 0.00016593438103406936, -6.91313248498208e-05, 0.00013748416389457386]),
+        ("push.ankle_torque", [0.0, 0.0, 0.0, 20.0]),
+    ):
+        assert series[name][rows] == pytest.approx(expected, rel=1e-9), name

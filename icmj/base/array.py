@@ -31,6 +31,7 @@ RELATIVE_ROUNDING = 1e-9
 SEMIDEFINITE = 1e-12
 """How far below zero an eigenvalue of :func:`compute_balanced_modes` may lie, by rounding, where none is negative."""
 _ROUNDS = 8  # each halves the decades by which the largest entry of a row or column differs from 1
+_TERMS = 20  # of the Taylor series of an exponential whose exponent is at most 1
 _LAST_BITS = 16 * np.finfo(float).eps
 """How far an instant may be from itself, relative to it, as the sum or product of two others: 3 · 0.1 is not 0.3."""
 
@@ -198,6 +199,27 @@ def compute_exponential(M: Array) -> Array:
 
     balanced, scale = balance(M, 1.0)
     return np.where(_acts(M), expm(balanced) * (scale[:, None] / scale), 0.0)
+
+
+def propagate(A: Array, x: Array, t: Array) -> Array:
+    """e^(A tᵢ) xᵢ for each of several states after a time of its own [s]; shapes (n, n), (N, n), (N,) → (N, n).
+
+    Whole multiples of 1/‖A‖ are steps of powers of two, the same for all; the rest is a Taylor series.
+    """
+    balanced, scale = balance(A, 1.0 / max(float(t.max(initial=0.0)), np.finfo(float).tiny))
+    rate = float(np.linalg.norm(balanced, 2))
+    unit = 1.0 / rate if rate > 0 else np.inf
+    whole, rest = np.divmod(t, unit)
+    part = result = x / scale
+    for order in range(1, _TERMS):
+        part = part @ balanced.T * (rest / order)[:, None]
+        result = result + part
+    step = compute_exponential(balanced * unit) if whole.any() else balanced
+    while whole.any():
+        odd = whole % 2 == 1
+        result[odd] = result[odd] @ step.T
+        step, whole = step @ step, np.floor(whole / 2)
+    return np.asarray(result * scale)
 
 
 def as_naturals(given: object, what: str, error: type[Exception]) -> NDArray[np.int64]:

@@ -123,8 +123,17 @@ class Record:
 class Flow:
     """A composed loop on its way from instant to instant."""
 
-    def __init__(self, loop: ComposedLoop, data: mujoco.MjData, schedule: Schedule, stand: Stand | None = None) -> None:
+    def __init__(
+        self,
+        loop: ComposedLoop,
+        data: mujoco.MjData,
+        schedule: Schedule,
+        stand: Stand | None = None,
+        a: Array | None = None,
+    ) -> None:
         """Start from the state in ``data``, right after an event, or at a ``stand``; within :meth:`ComposedLoop.ready`.
+
+        ``a`` is the state of a controller that reads delayed outputs alone, which is not in ``data``; zero if ``None``.
 
         Raises:
             ModelError: if compiled code cannot work on this MuJoCo, or the callbacks are not of this code.
@@ -137,7 +146,7 @@ class Flow:
         self._engine = engine_of(loop.model, data, phase, schedule.tolerance > 0)
         self._faces, self._progress = faces_of(block, data), new_progress()
         self.taps = _taps_of(loop)
-        self.history, self.now = _begin(loop, self.taps, data) if stand is None else (stand.history, stand.now)
+        self.history, self.now = _begin(loop, self.taps, data, a) if stand is None else (stand.history, stand.now)
         if loop.by_steps:  # its state is the engine's own
             self.now = self.now._replace(a=self._faces.a)
         self._reader, self.track = _reader_of(loop, schedule), _track_of(loop, data.time)
@@ -225,10 +234,11 @@ def _levels_of(loop: ComposedLoop, schedule: Schedule) -> np.ndarray:
     return list_levels(schedule.edges, loop.acting).astype(np.int64)
 
 
-def _begin(loop: ComposedLoop, taps: Taps, data: mujoco.MjData) -> tuple[History, ControllerState]:
-    """The controller at the begin of a run, where the engine's data are."""
+def _begin(loop: ComposedLoop, taps: Taps, data: mujoco.MjData, a: Array | None) -> tuple[History, ControllerState]:
+    """The controller at the begin of a run, where the engine's data are; ``a`` is its state if they do not have it."""
     realisation = loop.controller.realisation
-    a = None if realisation.tapped else data.act[loop.block.act][: realisation.layout.size]
+    if not realisation.tapped:
+        a = data.act[loop.block.act][: realisation.layout.size]
     if loop.by_steps:
         return begin(taps, realisation, loop.y(data.sensordata), a, capacity=1)
     return begin(taps, realisation, loop.y(data.sensordata) + loop.errors(0.0), a)
@@ -272,16 +282,18 @@ def follow(
     progress: Callable[[float], None] | None = None,
     stand: Stand | None = None,
     *,
+    a: Array | None = None,
     repeatable: bool = False,
 ) -> Record:
     """Follow a loop from ``data`` until the schedule's end, the plant falls or diverges, or the user interrupts.
 
-    ``data`` are right after an event, or at a ``stand``. What is ``repeatable`` has a stand in its record.
+    ``data`` are right after an event, or at a ``stand``; ``a`` is as in :class:`Flow`. What is ``repeatable`` has a
+    stand in its record.
     """
     status, fault, stopped, crowded = Status.RUNNING, "", False, None
     pace, every = ending.EventPace(schedule.t_end), max(1.0, 3 * loop.controller.realisation.taps[-1])
     with loop.ready():
-        flow = Flow(loop, data, schedule, stand)
+        flow = Flow(loop, data, schedule, stand, a)
         log = Log(flow)
         stands = [flow.stand()] * 2 if repeatable else []
         try:

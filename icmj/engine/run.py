@@ -22,10 +22,10 @@ from icmj.engine.stepping import choose_stepping
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.labels import make_labels
 from icmj.simulation.readings import expect_no_observer, expect_readings
-from icmj.simulation.rows import ControllerRows, collect_drives, keep_leads, keep_rows
+from icmj.simulation.rows import ControllerRows, collect_drives, keep_leads, keep_rows, lead_jumps, lead_rows
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
-from icmj.simulation.start import make_plant_start, start_states
+from icmj.simulation.start import make_controller_start, make_plant_start, start_states
 from icmj.simulation.taps import get_least_interval, get_modes
 
 
@@ -84,7 +84,7 @@ def simulate(
     repeatable = error_estimate and not has_trigger(controller)
     inside = np.zeros(len(loop.block.M))
     inside[: 0 if real.tapped else len(a)] = a[: 0 if real.tapped else len(a)]
-    record = follow(loop, loop.data(x, inside), schedule, progress, repeatable=repeatable)
+    record = follow(loop, loop.data(x, inside), schedule, progress, a=a, repeatable=repeatable)
     precision = list_facts(loop, steps, schedule, record, time.perf_counter() - begin)
     if error_estimate:
         precision |= estimate(loop, schedule, record).facts(schedule, linear.outputs)
@@ -92,6 +92,8 @@ def simulate(
     rows, events = loop.departures(record.rows), loop.departures(record.events)
     held, at_events = _hold_rows(controller, rows, record.u), _hold_rows(controller, events, record.u[:0])
     acting, reached = _limits(plant, loop, record.rows, held.u)
+    drives = collect_drives(controller, loop.acting, record.rows[:, 0])
+    leads, more = _leads(controller, record, rows, drives["edges"])
     return Simulation(
         plant="mujoco",
         control=controller.kind,
@@ -112,9 +114,9 @@ def simulate(
         noisy=settings.noisy,
         labels=make_labels(linear, controller.plant) if has_trigger(controller) else make_labels(linear),
         jumps=record.jumps,
-        leads=keep_leads(record.leads, lambda t, u: _limit_leads(plant, loop, record, t, u), loop.acting),
+        leads=keep_leads(leads, lambda t, u: _limit_leads(plant, loop, record, t, u), loop.acting, more),
         **get_modes(real, record.mode),
-        **collect_drives(controller, loop.acting, record.rows[:, 0]),
+        **drives,
     )
 
 
@@ -127,8 +129,7 @@ def _start(
         return start_states(plant, law, settings, x0, x_o0, x_h0)
     expect_no_observer(law, settings, x_o0, x_h0)
     size = expect_readings(law, plant).layout.size
-    a = np.zeros(size) if a0 is None else np.asarray(a0, dtype=float)
-    return make_plant_start(plant, settings, x0), a
+    return make_plant_start(plant, settings, x0), make_controller_start(size, a0)
 
 
 def _hold_rows(law: Law, states: States, u: Array) -> ControllerRows:
@@ -136,6 +137,14 @@ def _hold_rows(law: Law, states: States, u: Array) -> ControllerRows:
     if has_trigger(law):
         return keep_rows(law, states.x_o, states.x_h)
     return ControllerRows(states.x_o, states.x_h, u, np.full(len(states.x), np.nan))
+
+
+def _leads(law: Law, record: Record, rows: States, edges: Array) -> tuple[Array, tuple[Array, ...]]:
+    """(t, u) right before the rows of a run that contain what is after, and hold and event function, if there are."""
+    t = record.rows[:, 0]
+    if has_trigger(law):
+        return lead_rows(law, t, rows.x_o, rows.x_h, record.events[:, 0], edges)
+    return lead_jumps(record.leads, record.jumps, t, record.u, edges), ()
 
 
 def _limit_leads(plant: MujocoPlant, loop: ComposedLoop, record: Record, t: Array, u: Array) -> Array:

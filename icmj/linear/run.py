@@ -28,17 +28,17 @@ from icmj.linear.native.stretches import Body, Grid, Track, compile_stretches
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending, position_limit
-from icmj.simulation.disturbance import make_acting
+from icmj.simulation.disturbance import Disturbance, make_acting
 from icmj.simulation.ending import EventPace
 from icmj.simulation.grid import list_points
 from icmj.simulation.labels import make_labels
 from icmj.simulation.native.loop import Status
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.readings import expect_no_observer, expect_readings
-from icmj.simulation.rows import collect_drives, keep_leads, keep_rows, list_edges, part_rows
+from icmj.simulation.rows import collect_drives, keep_leads, keep_rows, lead_jumps, lead_rows, list_edges, part_rows
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
-from icmj.simulation.start import make_plant_start, start_states
+from icmj.simulation.start import make_controller_start, make_plant_start, start_states
 from icmj.simulation.taps import (
     POWERS,
     begin,
@@ -98,7 +98,7 @@ def simulate_tapped(
     fastest = float(max(everything.omega.max(initial=0.0), realisation.signals[:, 2].max(initial=0.0)))
     taps = make_taps(realisation, n_y, max(_rate(plant, realisation) / _TURN, fastest / _SWING), exact=True)
     history, now = begin(
-        taps, realisation, plant.C @ x + errors(0.0), None if a0 is None else np.asarray(a0, dtype=float)
+        taps, realisation, plant.C @ x + errors(0.0), make_controller_start(realisation.layout.size, a0)
     )
     E = np.column_stack([np.zeros((n, 0)), *(plant.effect(push) for push in pushes.places)])
     edges = list_points(everything.edges, everything.gaussian, settings.duration)
@@ -167,7 +167,8 @@ def simulate_tapped(
     kept, jumps, leads, mode = part_rows(R[:, 0], R[:, 1 + n : -1], R[:, -1])
     R = R[kept]
     when, X, u = R[:, 0], R[:, 1 : 1 + n], R[:, 1 + n : -1]
-    leads = keep_leads(leads, lambda t, u: acting.beside(t, u) + u if len(acting) else u[:, :0], everything)
+    drives = collect_drives(law, everything, when)
+    leads = keep_leads(lead_jumps(leads, jumps, when, u, drives["edges"]), _adds(acting), everything)
     none, before = np.zeros((len(R), 0)), np.zeros((len(K), 0))
     y_max, y_min = K[:, 1 + n : 1 + n + n_y], K[:, 1 + n + n_y :]
     return Simulation(
@@ -197,7 +198,7 @@ def simulate_tapped(
         jumps=jumps,
         leads=leads,
         **get_modes(realisation, mode[kept]),
-        **collect_drives(law, everything, when),
+        **drives,
     )
 
 
@@ -297,7 +298,9 @@ def simulate(
         loop.x(found.Z),
         *(keep_rows(controller, loop.x_o(Z), loop.x_h(Z), loop.e(Z)) for Z in (found.Z, found.event_Z)),
     )
-    beside = simulator.disturbance
+    beside, acting = simulator.disturbance, make_acting(plant, settings, controller)
+    drives = collect_drives(controller, acting, found.t)
+    leads, held = lead_rows(controller, found.t, loop.x_o(found.Z), loop.x_h(found.Z), found.event_t, drives["edges"])
     return Simulation(
         plant="linear",
         control=controller.trigger.kind,
@@ -329,5 +332,11 @@ def simulate(
         least=controller.least,
         noisy=settings.noisy,
         labels=make_labels(plant, controller.design.plant),
-        **collect_drives(controller, make_acting(plant, settings, controller), found.t),
+        leads=keep_leads(leads, _adds(beside), acting, held),
+        **drives,
     )
+
+
+def _adds(disturbance: Disturbance) -> Callable[[Array, Array], Array]:
+    """The input that acts at times [s] under commands, (N,), (N, n_u) → (N, n_u); of no width if these alone do."""
+    return lambda t, u: disturbance.beside(t, u) + u if len(disturbance) else u[:, :0]

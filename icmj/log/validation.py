@@ -76,7 +76,7 @@ def _simulation(result: Result, name: str, simulation: Simulation, m: int) -> No
     _shape(f"{name}.E", simulation.E, N)
     if simulation.applied.size:
         _shape(f"{name}.applied", simulation.applied, N, n_u)
-    acting = simulation.applied.shape[1] + simulation.pushed.shape[1]
+    acting = simulation.applied.shape[1] + simulation.pushed.shape[1] + (m + 1 if m else 0)
     for which, sides, more in (("jumps", simulation.jumps, 0), ("leads", simulation.leads, acting)):
         if sides.size:
             _shape(f"{name}.{which}", sides, None, 1 + n_u + more)

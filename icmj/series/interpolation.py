@@ -41,7 +41,7 @@ def piecewise(
         after: values right after each jump, NaN if unknown, shape (K, w).
         breaks: further times of jumps, which need not be times of rows [s]; a row there contains the values after it.
         before: of some of the breaks their times [s], rising, and the values right before them, NaN if unknown; shapes
-            (S,), (S, w).
+            (S,), (S, w). Of a break at which there is a jump, too, the row tells only what is between the two.
         bends: times at which all signals bend and none jumps, so that a row is of both sides [s].
         steady: mask of the signals that bend at jumps and breaks, too, and do not jump; shape (w,).
 
@@ -83,29 +83,29 @@ def _by_pieces(
     before: tuple[Array, Array] | None,
 ) -> Array:
     """A spline for each piece between two instants, through the rows of its own side."""
-    bends = _apart_from(np.unique(bends[~_near(bends, np.concatenate([jumps, breaks]))]))
+    bends = _apart_from(np.unique(bends[~has_instants(bends, np.concatenate([jumps, breaks]))]))
     bends = bends[(bends > t[0] + NEAR) & (bends < t[-1] - NEAR)]
-    alone = bends[~_near(bends, t)]
+    alone = bends[~has_instants(bends, t)]
     if len(alone):  # without a row, as in logs of before: what is there is known from the piece before
         breaking = np.concatenate([breaks, bends])
         known = _by_pieces(t, values, alone - 2 * NEAR, jumps, after, breaking, bends[:0], before)
         place = np.searchsorted(t, alone)
         t, values = np.insert(t, place, alone), np.insert(values, place, known, axis=0)
-    # what jumps at a break, too, is in the row of the jump already: that row tells nothing of the time before
-    shared = _near(jumps, breaks)
-    breaks = _apart_from(np.unique(breaks[~_near(breaks, jumps)]))
-    left = np.full((len(breaks), values.shape[1]), np.nan)
-    if before is not None and len(before[0]):
-        place = np.minimum(np.searchsorted(before[0], breaks - NEAR), len(before[0]) - 1)
-        told = np.abs(before[0][place] - breaks) <= NEAR
-        left[told] = before[1][place[told]]
+    # what jumps at a break, too, is in the row of the jump already: only ``before`` tells of the time before
+    shared = has_instants(jumps, breaks)
+    breaks = _apart_from(np.unique(breaks[~has_instants(breaks, jumps)]))
     inner = np.concatenate([jumps, breaks, bends])
     kind = np.repeat([_JUMP, _BREAK, _BEND], [len(jumps), len(breaks), len(bends)])
+    parted = np.concatenate([shared, np.ones(len(breaks), bool), np.zeros(len(bends), bool)])
+    left = np.full((len(inner), values.shape[1]), np.nan)
+    if before is not None and len(before[0]):
+        place = np.minimum(np.searchsorted(before[0], inner - NEAR), len(before[0]) - 1)
+        told = parted & (np.abs(before[0][place] - inner) <= NEAR)
+        left[told] = before[1][place[told]]
     order = np.argsort(inner, kind="stable")
     order = order[(inner[order] > t[0]) & (inner[order] < t[-1] + NEAR)]
-    inner, kind = inner[order], kind[order]
+    inner, kind, apart = inner[order], kind[order], parted[order]
     early, late = (np.searchsorted(t, inner + side) for side in (-NEAR, NEAR))
-    apart = (kind == _BREAK) | ((kind == _JUMP) & np.append(shared, np.zeros(len(breaks) + len(bends), bool))[order])
     begins = np.append(0, np.where(kind == _JUMP, late, early))
     ends = np.append(np.where(apart, early, late), len(t))
     # after a jump without any row the next one is nearer than what was before, if what is right after it is not known
@@ -126,8 +126,7 @@ def _by_pieces(
         here = slice(*wanted)
         begun = number and kind[number - 1] == _JUMP
         head = after[order[number - 1]] if begun else np.full(values.shape[1], np.nan)
-        ended = number < len(inner) and kind[number] == _BREAK
-        tail = left[order[number] - len(jumps)] if ended else np.full(values.shape[1], np.nan)
+        tail = left[order[number]] if number < len(inner) else np.full(values.shape[1], np.nan)
         for with_head, with_tail in product((True, False), repeat=2):
             columns = (np.isfinite(head) == with_head) & (np.isfinite(tail) == with_tail)
             if columns.any():
@@ -151,7 +150,7 @@ def snap_rows(times: Array, instants: Array) -> Array:
     return np.where(np.abs(instants[place] - times) <= NEAR, instants[place], times)
 
 
-def _near(times: Array, others: Array) -> np.ndarray:
+def has_instants(times: Array, others: Array) -> np.ndarray:
     """Mask of the times at which there is one of the others, shape (N,), bool."""
     others = np.sort(others)
     return np.searchsorted(others, times + NEAR, side="right") > np.searchsorted(others, times - NEAR)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from icmj.base.array import Array
+from icmj.base.array import Array, propagate
 from icmj.controller.controller import Controller
 from icmj.controller.law import Law
-from icmj.series.interpolation import NEAR, snap_rows
+from icmj.series.interpolation import NEAR, has_instants, snap_rows
 from icmj.simulation.disturbance import Acting
 from icmj.simulation.native.taps import KEPT
 
@@ -62,21 +62,70 @@ def part_rows(t: Array, u: Array, mode: np.ndarray) -> tuple[np.ndarray, Array, 
 JUST_BEFORE = 2 * NEAR  # [s]: beside an edge by so much, what is given is that of the side
 
 
-def keep_leads(leads: Array, applied: Callable[[Array, Array], Array], acting: Acting) -> Array:
+def keep_leads(
+    leads: Array, applied: Callable[[Array, Array], Array], acting: Acting, held: Sequence[Array] = ()
+) -> Array:
     """Commands right before rows, and what acts there of them and beside them.
 
     Args:
         leads: (t, u), shape (S, 1 + n_u).
         applied: the input that acts at times [s] under commands, of any width.
         acting: what acts.
+        held: hold state and event function there, of a controller that has them; shapes (S, n̂), (S, 1).
 
     Returns:
-        (t, u, applied, pushed), of the last what there is; (0, 0) if there are no rows.
+        (t, u, applied, pushed, *held), of the last three what there is; (0, 0) if there are no rows.
     """
     if not len(leads):
         return np.zeros((0, 0))
     earlier = leads[:, 0] - JUST_BEFORE
-    return np.hstack([leads, applied(earlier, leads[:, 1:]), acting.pushes.size(earlier)])
+    return np.hstack([leads, applied(earlier, leads[:, 1:]), acting.pushes.size(earlier), *held])
+
+
+def lead_jumps(leads: Array, jumps: Array, t: Array, u: Array, edges: Array) -> Array:
+    """With them what is right before events and switches on an edge, whose rows contain what is between the two.
+
+    Args:
+        leads, jumps: (t, u) right before some rows and right after others, shapes (S, 1 + n_u), (K, 1 + n_u).
+        t, u: times of the rows [s], rising, and their commands, shapes (N,), (N, n_u).
+        edges: [s], rising.
+    """
+    rows = np.flatnonzero(np.isin(t, jumps[:, 0]) & has_instants(t, edges) & ~np.isin(t, leads[:, 0]))
+    found = np.vstack([leads, np.column_stack([t, u])[rows]])
+    return found[np.argsort(found[:, 0], kind="stable")]
+
+
+def lead_rows(
+    controller: Controller, t: Array, x_o: Array, x_h: Array, events: Array, edges: Array
+) -> tuple[Array, tuple[Array, Array]]:
+    """What observer and hold are right before actions and edges, whose rows contain what is after.
+
+    Between two rows the hold goes on by itself. An observer does not jump, but for the set-point that it knows.
+
+    Args:
+        controller: the controller.
+        t: times of the rows [s], rising, shape (N,).
+        x_o, x_h: observer and hold at the rows, the set-point included, shapes (N, n̂ + R).
+        events, edges: times of each [s], rising.
+
+    Returns:
+        (t, u), shape (S, 1 + n_u), and hold state and event function, shapes (S, n̂), (S, 1).
+    """
+    n, delay, setpoint = controller.plant.n, controller.delay.t_d, controller.setpoint
+    actions = np.append(0.0, events) + delay if delay else np.zeros(0)
+    rows = np.flatnonzero(has_instants(t, np.concatenate([actions, edges])))
+    rows = rows[t[rows] > NEAR]
+    acts, before = has_instants(t[rows], actions), x_o[rows].copy()
+    if setpoint:
+        before[:, n:] = setpoint(t[rows] - JUST_BEFORE)
+    if controller.trigger.holds:
+        held, last = x_h[rows].copy(), np.searchsorted(t, t[rows[acts]] - NEAR) - 1
+        held[acts] = propagate(controller.model[1].A_h, x_h[last], t[rows[acts]] - t[last])
+    else:
+        held = before
+    E = controller.faces.E(held - before)
+    u = -held @ controller.model[0].k.T
+    return np.column_stack([t[rows], u]), (held[:, :n], E[:, None])
 
 
 def list_edges(acting: Acting, law: Law) -> Array:

@@ -95,9 +95,10 @@ class Simulation(WithCard):
             and at which the controller reads that [s], rising; there is a row at each.
         jumps: of a controller without an observer, times of events and switches whose rows contain what is before [s],
             and the commands right after them, shape (K, 1 + n_u); empty in logs of before.
-        leads: of a controller without an observer, times of actions, of edges, and of instants at which it reads what
-            these, events and switches have done, whose rows contain what is after [s], and ``u``, ``applied`` and
-            ``pushed`` right before them, shape (S, 1 + n_u + …); empty in logs of before.
+        leads: times of actions, of edges, and, of a controller without an observer, of instants at which it reads what
+            these, events and switches have done [s], and right before them ``u``, ``applied``, ``pushed`` and, where
+            there is an observer, ``x_h`` and ``E``, shape (S, 1 + n_u + …): a row there contains what is after. Empty
+            in logs of before.
     """
 
     plant: Literal["linear", "mujoco"]
@@ -368,21 +369,21 @@ class Simulation(WithCard):
             place = np.minimum(np.searchsorted(self.jumps[:, 0], self.resets), len(self.jumps) - 1)
             known = np.abs(self.jumps[place, 0] - self.resets) <= NEAR
             command = np.where(known[:, None], self.jumps[place, 1:], np.nan)
-        led = acted = pushed = None
+        led = acted = pushed = held = level_before = None
         if self.leads.size:
-            widths = (1, self.u.shape[1], self.applied.shape[1], self.pushed.shape[1])
-            _, led, acted, pushed = np.split(self.leads, np.cumsum(widths)[:-1], axis=1)
+            widths = (1, *(of.shape[1] for of in (self.u, self.applied, self.pushed, self.x_h)))
+            _, led, acted, pushed, held, level_before = np.split(self.leads, np.cumsum(widths), axis=1)
         blocks = [
             look_up_columns("x", labels.states, labels.state_units, self.x, self.x[at]),
             look_up_columns("y", labels.outputs, labels.output_units, self.y, self.y[at]),
             look_up_columns("u", labels.inputs, labels.input_units, self.u, command, led),
             look_up_columns("x_o", labels.assumed, labels.assumed_units, self.x_o, self.x_o[at]),
-            look_up_columns("x_h", labels.assumed, labels.assumed_units, self.x_h, self.x_o[at]),
+            look_up_columns("x_h", labels.assumed, labels.assumed_units, self.x_h, self.x_o[at], held),
         ]
         if np.isfinite(self.E).any():
             faces = None if controller is None else controller.trigger.faces(controller.design)
             level = None if faces is None else faces.E(0 * self.x_o[at])[:, None]
-            blocks.append(look_up_columns("", ("E",), ("",), self.E[:, None], level))
+            blocks.append(look_up_columns("", ("E",), ("",), self.E[:, None], level, level_before))
         if self.applied.size:
             limited = bool(self.precision.get("saturated_share"))
             acting = None if command is None or limited else self.applied[at] + command - self.u[at]

@@ -55,7 +55,16 @@ def make_plant_start(plant: LinearPlant, settings: Settings, x: ArrayLike | None
     return _start("plant", plant.states, settings.initial, x)
 
 
-def _start(what: str, names: Sequence[str], named: Mapping[str, float], given: ArrayLike | None) -> Array:
+def make_controller_start(size: int, a: ArrayLike | None = None) -> Array:
+    """The state at t = 0 of a controller without a trigger, shape (size,): ``a``, or zero.
+
+    Raises:
+        SimulationError: if it has the wrong shape or is not finite.
+    """
+    return _start("controller", range(size), {}, a)
+
+
+def _start(what: str, names: Sequence[object], named: Mapping[str, float], given: ArrayLike | None) -> Array:
     if given is not None:
         state = np.array(given, dtype=float)
         if state.shape != (len(names),) or not np.isfinite(state).all():
@@ -63,5 +72,7 @@ def _start(what: str, names: Sequence[str], named: Mapping[str, float], given: A
         return state
     for name in named:
         if name not in names:
-            raise SimulationError(f"start state of the {what}: no state {name!r}; its states are {', '.join(names)}")
+            raise SimulationError(
+                f"start state of the {what}: no state {name!r}; its states are {', '.join(map(str, names))}"
+            )
     return np.array([named.get(name, 0.0) for name in names], dtype=float)

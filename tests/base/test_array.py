@@ -17,6 +17,7 @@ from icmj.base.array import (
     find_range,
     is_between,
     list_multiples,
+    propagate,
 )
 from icmj.cycle.cycle import Cycle
 from icmj.plant.linear_plant import LinearPlant
@@ -101,6 +102,23 @@ def test_what_differs_by_more_than_rounding_is_told_apart() -> None:
     assert argmax_abs(np.array([1.0, -1.0 - 1e-8])) == 1
     assert argsort_descending(np.array([1.0, 1.0 + 1e-8, 1e-9, 1e-8]), np.zeros(4)).tolist() == [1, 0, 3, 2]
     assert argsort_descending(np.zeros(0), np.zeros(0)).tolist() == []
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_states_go_on_for_times_of_their_own_as_closed_forms_say(unit: float) -> None:
+    """A chain of integrators, an oscillator that decays and one mode that is fast, each state in its unit."""
+    A = np.zeros((5, 5))
+    A[0, 1], A[2:4, 2:4], A[4, 4] = 1.0, [[-0.3, 7.0], [-7.0, -0.3]], -400.0
+    scale = np.array([1.0, unit, 1.0, 1.0, unit])
+    t = np.array([0.0, 1e-9, 3e-4, 0.013, 0.5, 4.0, 21.7])
+    x = np.random.default_rng(1).normal(size=(len(t), 5))
+    turned = np.exp((-0.3 - 7.0j) * t) * (x[:, 2] + 1j * x[:, 3])
+    expected = np.column_stack([x[:, 0] + t * x[:, 1], x[:, 1], turned.real, turned.imag, np.exp(-400.0 * t) * x[:, 4]])
+    found = propagate(A * scale[:, None] / scale, x * scale, t) / scale
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-13)
+    still = propagate(np.zeros((2, 2)), x[:, :2], t)
+    np.testing.assert_array_equal(still, x[:, :2])
+    assert propagate(A, x[:0], t[:0]).shape == (0, 5)
 
 
 @pytest.mark.parametrize("seed", range(20))

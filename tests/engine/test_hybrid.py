@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hybrid_cases import NAMES, START, Bare, Given, body, law, laws, plant
+from hybrid_cases import NAMES, START, Bare, Given, Ramp, body, law, laws, plant
 from model_cases import written
 from tapped_cases import PERSON
 
@@ -15,6 +15,7 @@ from icmj.controller.realisation import Mode, Realisation
 from icmj.engine.composition import goes_by_steps
 from icmj.engine.plant import load_plant
 from icmj.engine.run import simulate
+from icmj.errors import SimulationError
 from icmj.linear.run import simulate_tapped as linear_simulate
 from icmj.simulation.settings import Settings
 from icmj.simulation.start import start_states
@@ -75,6 +76,21 @@ def test_what_falls_on_begin_and_end_is_as_on_the_linear_plant(name, timestep) -
     np.testing.assert_allclose(other.t, one.t, atol=1e-7)
     for there, here in ((one.x, other.x), (one.u, other.u), (one.events.x, other.events.x)):
         assert np.abs(here - there).max(initial=0.0) <= 1e-5 * np.abs(there).max(initial=0.0)
+
+
+@pytest.mark.parametrize("taps", [(0.0,), (0.1,)])
+def test_a_controller_starts_in_the_state_that_it_is_given(taps) -> None:
+    """Also one that reads delayed outputs alone: its ramp begins at 0.4, so it fires at 0.6 s, and moves the body."""
+    own, settings, a0 = Ramp(plant(), taps), Settings(duration=1.0, record_interval=0.05), [0.4]
+    one = linear_simulate(plant(), own, settings, x0=SMALL * START, a0=a0)
+    other = simulate(body(), own, settings, x0=SMALL * START, a0=a0)
+    assert other.events.t == pytest.approx([0.6], abs=1e-9)
+    assert other.u[0] == pytest.approx(one.u[0], rel=1e-9)
+    assert np.abs(other.x - one.x).max() <= 1e-5 * np.abs(one.x).max()
+    for bad in ([0.4, 0.0], [np.nan], [[0.4]]):
+        for there, run in ((plant(), linear_simulate), (body(), simulate)):
+            with pytest.raises(SimulationError, match="start state of the controller: expected 1 finite numbers"):
+                run(there, own, settings, a0=bad)
 
 
 def small(name: str) -> icmj.Law:

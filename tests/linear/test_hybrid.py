@@ -86,6 +86,16 @@ def test_the_intermittent_controller_is_what_the_event_loop_gives(rule, acted) -
     assert len(one.events) >= 15
     assert other.events.t == pytest.approx(one.events.t, abs=1e-10)
     assert np.abs(other.events.x - one.events.x).max() <= 1e-9 * np.abs(one.x).max()
+    # what is right before actions and edges, of which the other has rows of its own
+    row, n_u = np.searchsorted(other.t, other.events.t), one.u.shape[1]
+    known = np.column_stack([other.events.t, other.u[row]])  # an action there comes after it
+    if other.leads.size:
+        known = np.vstack([known, other.leads[:, : 1 + n_u]])
+    assert len(one.leads) >= (15 if case.controller.delay.t_d else 1 if acted else 0)
+    for t, *left in one.leads[one.leads[:, 0] < one.t[-1]] if one.leads.size else ():
+        nearest = int(np.abs(known[:, 0] - t).argmin())
+        assert abs(known[nearest, 0] - t) < 1e-9
+        np.testing.assert_allclose(left[:n_u], known[nearest, 1:], atol=1e-8 * np.abs(one.u).max())
     size = np.abs(one.events.y_max).max()
     assert np.abs(other.events.y_max - one.events.y_max).max() <= 1e-9 * size
     assert np.abs(other.events.y_min - one.events.y_min).max() <= 1e-9 * size
@@ -156,6 +166,27 @@ def test_both_sides_are_known_of_actions_edges_and_what_is_read_of_them(there) -
     assert step[jumped].min() > 1e-3 * np.abs(found.u).max()
     read = np.abs(found.leads[:, :1] - (found.actions + late)).min(axis=1) < 1e-12
     assert step[read].max() < 1e-9 * np.abs(found.u).max()
+
+
+@pytest.mark.parametrize("there", ["linear", "mujoco"])
+def test_an_event_on_an_edge_tells_what_is_before_both(there) -> None:
+    """Ticks and steps of the torque at multiples of 0.75 s: the row is after the step and before the tick's command."""
+    own = Ramp(plant(), (0.0, 0.1), clock=0.75)
+    steps = tuple(Step("ankle_torque", 2.0, 0.75 * tick) for tick in (1, 2, 3))
+    settings = Settings(duration=2.6, record_interval=0.04, disturbance=steps, tolerance=1e-9)
+    body_ = plant() if there == "linear" else body()
+    found = icmj.simulate_plant(body_, own, settings, x0=START)
+    fine = icmj.simulate_plant(body_, own, replace(settings, record_interval=1e-3), x0=START)
+    assert found.events.t == pytest.approx([0.75, 1.5, 2.25], abs=1e-9)
+    at = np.searchsorted(found.leads[:, 0], found.events.t - 1e-9)
+    assert found.leads[at, 0] == pytest.approx(found.events.t, abs=1e-12)
+    row = np.searchsorted(found.t, found.events.t)
+    np.testing.assert_allclose(found.leads[at, 1:2], found.u[row], atol=1e-12)
+    np.testing.assert_allclose(found.pushed[row] - found.leads[at, -1:], 2.0, atol=1e-9)
+    one, other = (run.to_series(1000.0) for run in (found, fine))
+    short = np.abs(one.t[:, None] - found.events.t + 0.02).min(axis=1) < 0.02  # the rows before each
+    for name in ("u.ankle_torque", "push.ankle_torque"):
+        np.testing.assert_allclose(one[name][short], other[name][short], atol=1e-6 * np.abs(other[name]).max())
 
 
 @pytest.mark.parametrize("name", NAMES)

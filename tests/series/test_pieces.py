@@ -110,6 +110,18 @@ def test_what_bends_has_the_row_of_both_sides_and_what_jumps_its_own():
     assert np.abs(piecewise(t, bent, at)[:, 0] - np.abs(at - 0.8023)).max() > 1e-4
 
 
+def test_of_a_jump_on_a_break_what_is_before_both_ends_the_piece_before():
+    """The row lies between the two: 5 after the break and before the jump; the piece before has three rows."""
+    t = np.array([0.0, 0.4, 0.7, 1.0, 1.3, 1.7, 2.0])
+    values = np.where(t < 1, t**3, np.where(t > 1, 9.0, 5.0))[:, None]
+    known = {"jumps": np.array([1.0]), "after": np.array([[9.0]]), "breaks": np.array([1.0])}
+    at = np.array([0.2, 0.9, 0.999999, 1.0, 1.000001, 1.5])
+    found = piecewise(t, values, at, **known, before=(np.array([1.0]), np.array([[1.0]])))
+    assert found.ravel() == pytest.approx([*at[:3] ** 3, 5, 9, 9], abs=1e-12)
+    blind = piecewise(t, values, at, **known).ravel()
+    assert abs(blind[2] - 1) > 0.05
+
+
 def test_after_a_jump_without_a_row_comes_the_value_of_the_next():
     t = np.array([0.0, 1.0, 2.0, 2.1, 2.5, 3.0, 4.0])
     values = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])[:, None]

@@ -20,7 +20,7 @@ from icmj.errors import DataError
 from icmj.linear.run import simulate
 from icmj.runfile.reading import load_run, parse_run
 from icmj.simulation.settings import Settings
-from icmj.simulation.sources import Impulse
+from icmj.simulation.sources import Impulse, Sinusoids, Step
 
 RATE = 373.0  # Hz: no row of a grid of 10 ms, but for every whole second
 
@@ -81,6 +81,42 @@ def test_delays_clocks_and_continuous_control(kind):
     errors = departure(simulation, exact, control, of=ALL)
     assert max(errors.values()) < 2e-5, errors
     assert ("E" in simulation.to_series().names) == (kind == "delay")
+
+
+@pytest.mark.parametrize("kind", ["event", "clock", "continuous"])
+@pytest.mark.parametrize("plant", ["linear", "mujoco"])
+def test_both_sides_are_known_of_actions_and_edges(kind, plant):
+    """Right before them: what fine rows tell, and what coarse ones are exported as, with few between two actions."""
+    control = {
+        "event": lambda: controller(EventTrigger(output_weight(design_of("b0.8")), 0.002, 0.02), delay=0.02),
+        "clock": lambda: controller(ClockTrigger(0.031), delay=0.0253),
+        "continuous": lambda: followed(controller(Continuous()), step(0.01, 0.7037)),
+    }[kind]()
+    case = prepare(load_run("simple-0.8"))
+    body = case.system.actual if plant == "linear" else case.actual
+    push = (Sinusoids(input="torque", terms=((0.05, 7.0, 0.4, 0.3033, 1.2071),)), Step("torque", 0.05, 0.4))
+    settings = Settings(duration=1.5, initial={"hinge": 0.02}, tolerance=1e-10, disturbance=push)
+    fine, coarse = (
+        simulate_plant(body, control, replace(settings, record_interval=interval)) for interval in (1e-4, 0.01)
+    )
+    instants = np.unique(np.concatenate([fine.actions, fine.edges]))
+    assert fine.leads[:, 0] == pytest.approx(instants[instants < fine.t[-1]], abs=1e-12)
+    compared, there = 0, np.column_stack([fine.u, fine.applied, fine.pushed, fine.x_h, fine.E])
+    size = np.abs(there).max(axis=0)
+    for t, *left in fine.leads:
+        row = int(np.searchsorted(fine.t, t - 1e-9))
+        few = slice(row - 3, row)
+        if (np.abs(instants - t) < 5e-4).sum() > 1 or (np.abs(fine.events.t - t) < 5e-4).any():
+            continue
+        told = np.polynomial.polynomial.polyfit(fine.t[few] - t, there[few], 2)[0]
+        assert (np.abs(left - told) <= 1e-6 * size)[np.isfinite(told)].all(), t
+        compared += 1
+    assert compared >= 4
+    one, other = (run.to_series(1000.0, control) for run in (coarse, fine))
+    for name, bound in (("u.torque", 1e-6), ("x_h.hinge_rate", 1e-6), ("E", 5e-5)):
+        if name in other.names and not (kind == "continuous" and name == "u.torque"):  # a plant's own time constants
+            late = other.t > 0.1
+            assert np.abs(one[name] - other[name])[late].max() <= bound * np.abs(other[name]).max(), name
 
 
 def followed(control, terms):
@@ -151,7 +187,7 @@ def pushed():
 def test_nothing_is_interpolated_across_a_push():
     found = pushed()
     exact = run(found.controller, 1 / RATE, disturbance=(Impulse("torque", 0.02, 3.1234, 0.05),))
-    unknown = replace(found.simulation, edges=np.zeros(0))
+    unknown = replace(found.simulation, edges=np.zeros(0), leads=np.zeros((0, 0)))
     blind = departure(unknown, exact, found.controller, of=("x",))["x"]
     series = found.to_series(RATE)
     rows = np.searchsorted(exact.t, series.t - 1e-9)
