@@ -85,7 +85,7 @@ def test_this_version_has_its_folder() -> None:
 
 
 def test_a_log_that_knows_one_side_of_actions_and_edges_is_exported_as_before(tmp_path: Path) -> None:
-    """Of 0.1.0: torque, hold and event function, and push, in the last row before actions at 0.4527 and 0.6316 s, and edges."""
+    """Of 0.1.0: torque, hold, event function and push just before actions at 0.4527 and 0.6316 s, and before edges."""
     packed = ARCHIVE / "0.1.0" / "logs" / "three-link.mujoco.rrd.xz"
     (tmp_path / "run.rrd").write_bytes(lzma.decompress(packed.read_bytes()))
     result = icmj.read_log(tmp_path / "run.rrd")

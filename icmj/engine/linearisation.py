@@ -31,7 +31,18 @@ from icmj.plant.quality import IDLE
 
 EPS = 1e-5  # balances truncation (eps²) against rounding (1/eps): 2e-9 on the three-link model
 EPS_TOUCHING = 1e-6  # the same where something touches: contacts give way over tenths of a millimetre
-_PART = 0.5  # of the room that a control has before it, or the force that it makes, is limited
+_SHALLOWEST = 2e-9  # m or rad: what touches less is at the end of its touch, and no difference stays on one side of it
+_PART = 0.5  # of the room that a control has before it, or the force that it makes, is limited; of the depth of a touch
+_TOUCHING = [
+    int(of)
+    for of in (
+        mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT,
+        mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON,
+        mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS,
+        mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL,
+        mujoco.mjtConstraint.mjCNSTR_CONTACT_ELLIPTIC,
+    )
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,10 +140,17 @@ def linearise(
 
 
 def step_of(model: mujoco.MjModel, point: OperatingPoint) -> float:
-    """Step ``eps`` of the centred differences that suits the model at ``point``."""
+    """Step ``eps`` of the centred differences that suits the model at ``point``.
+
+    Where something touches, it is at most half as far as the contact or limit that touches least is deep, so that no
+    difference lifts it off.
+    """
     data = make_data(model, point)
     mujoco.mj_fwdPosition(model, data)
-    return EPS_TOUCHING if data.nefc else EPS
+    if not data.nefc:
+        return EPS
+    depth = (data.efc_margin - data.efc_pos)[np.isin(data.efc_type, _TOUCHING)]
+    return float(min(EPS_TOUCHING, _PART * depth.min(initial=np.inf, where=depth > _SHALLOWEST)))
 
 
 def choose_control_steps(model: mujoco.MjModel, point: OperatingPoint, eps: float) -> Array:

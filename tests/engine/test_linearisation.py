@@ -84,6 +84,31 @@ def test_quaternion_joints_are_differentiated_in_the_tangent_space():
     np.testing.assert_allclose(plant.C[:, :3], np.eye(3), atol=1e-10)
 
 
+BALL = """
+<mujoco model="ball">
+  <option timestep="{step}" integrator="RK4"/>
+  <worldbody>
+    <geom name="ground" type="plane" size="1 1 1" condim="1" {touch}/>
+    <body name="ball" pos="0 0 0.1"><freejoint name="free"/>
+      <geom name="skin" size="0.1" mass="2" condim="1" {touch}/></body>
+  </worldbody>
+  <actuator><general name="lift" joint="free" gear="0 0 1 0 0 0"/></actuator>
+  <sensor><framepos name="place" objtype="body" objname="ball"/></sensor>
+  <keyframe><key name="lies" qpos="0 0 {height} 1 0 0 0"/></keyframe>
+</mujoco>"""
+
+
+@pytest.mark.parametrize("constant", [2e-2, 2e-3, 2e-4, 5e-5])
+def test_however_little_a_body_sinks_in_the_slope_is_that_of_the_contact(constant):
+    """Of impedance d: z̈ = −(1 − d) g − (2/T) ż − r/T², so r = −(1 − d) g T² at rest: 2.5 nm to 0.4 mm."""
+    touch, depth = f'solref="{constant} 1" solimp="0.9 0.9 0.001"', 0.1 * 9.81 * constant**2
+    text = BALL.format(step=constant / 2, touch=touch, height=repr(0.1 - depth))
+    found = linearise(mujoco.MjModel.from_xml_string(text), "lies")
+    assert found.residual < 1e-4
+    np.testing.assert_allclose(found.plant.A[8, 2], -1 / constant**2, rtol=1e-5)
+    np.testing.assert_allclose(found.plant.A[8, 8], -2 / constant, rtol=1e-5)
+
+
 def test_residual_tells_that_a_point_is_no_equilibrium(root):
     model = model_of(root, "pendulum")
     assert linearise(model, "upright").residual == 0
