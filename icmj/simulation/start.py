@@ -61,10 +61,10 @@ def make_controller_start(size: int, a: ArrayLike | None = None) -> Array:
     Raises:
         SimulationError: if it has the wrong shape or is not finite.
     """
-    return _start("controller", range(size), {}, a)
+    return _start("controller", [str(i) for i in range(size)], {}, a)
 
 
-def _start(what: str, names: Sequence[object], named: Mapping[str, float], given: ArrayLike | None) -> Array:
+def _start(what: str, names: Sequence[str], named: Mapping[str, float], given: ArrayLike | None) -> Array:
     if given is not None:
         state = np.array(given, dtype=float)
         if state.shape != (len(names),) or not np.isfinite(state).all():
@@ -72,7 +72,5 @@ def _start(what: str, names: Sequence[object], named: Mapping[str, float], given
         return state
     for name in named:
         if name not in names:
-            raise SimulationError(
-                f"start state of the {what}: no state {name!r}; its states are {', '.join(map(str, names))}"
-            )
+            raise SimulationError(f"start state of the {what}: no state {name!r}; its states are {', '.join(names)}")
     return np.array([named.get(name, 0.0) for name in names], dtype=float)
