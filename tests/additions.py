@@ -1043,7 +1043,7 @@ PANEL = Panel("j", _draw, lambda case: "Size of the state over time.", lambda ca
     REPORTED
     + """
 page = build(*results)
-assert page.count("(j) Size of the state over time.") == 1 and "panel (j). Size of the state" in page
+assert page.count("(j) Size of the state over time.") == 1 and 'panel (j)" viewBox' in page
 assert {path.name for path in Path("out/page_figures").glob("*_j.*")} == {"simple-0.8_j.svg", "simple-0.8_j.pdf"}
 """,
     "",
@@ -1100,7 +1100,7 @@ def _draw(case: CaseRuns) -> Figure:
 
 TEMPLATE = """\\
 {% for item in c["items"] %}
-<figure><img src="{{ item.picture.uri }}" alt="{{ item.picture.alt }}">
+<figure>{{ item.picture|drawn }}
 <figcaption>Figure {{ next_figure() }}. {{ item.title }}: at most {{ item.longest }} s.</figcaption></figure>
 {% endfor %}
 """

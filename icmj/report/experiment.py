@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -89,10 +88,9 @@ def experiment_page(
         files: names of recordings that were analysed; empty for simulated trials.
         notes: what was done to them, a line each.
     """
-    uri = "" if svg is None else f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
     recorded = all(row.plant == "recording" for row in rows)
     results: dict[str, Any] = {
-        "picture": Picture("figure", uri, f"{title}, figure") if uri else None,
+        "picture": None if svg is None else Picture("figure", svg, f"{title}, figure"),
         "caption": kind.caption(rows),
         **_table(kind, rows, norms := kind.norms(_names(rows))),
     }
@@ -107,7 +105,7 @@ def experiment_page(
         findings=_findings(rows),
         kicker="Experiment",
         source="recordings" if recorded else "the trials in the folder of this page",
-        beside="The figure is also available as SVG and PNG files beside this page." if uri else "",
+        beside="The figure is also available as SVG and PNG files beside this page." if svg is not None else "",
     )
 
 
@@ -220,7 +218,7 @@ def _norm(norms: Norms, name: str, factor: float) -> str:
 _RESULTS = """\
 {% if c.picture %}
 <figure class="law">
-<div class="panel"><img src="{{ c.picture.uri }}" alt="{{ c.picture.alt }}" style="max-width: 46rem"></div>
+<div class="panel" style="max-width: 46rem">{{ c.picture|drawn }}</div>
 <figcaption><b>Figure {{ next_figure() }}.</b> {{ c.caption }}</figcaption>
 </figure>
 {% endif %}

@@ -10,13 +10,14 @@ from icmj.base import VERSION
 from icmj.report.notation import SYMBOLS, notation, unbroken
 from icmj.report.player import join_scripts
 from icmj.report.section import Section
+from icmj.report.shared_vectors import SharedVectors
 
 
 def render_page(parts: Sequence[Section], **said: Any) -> str:
     """The page's HTML from its sections, its head (``title``, ``subtitle``, ``findings``, ``abstract`` …) and its foot.
 
     The foot says ``source``, what the page was built from, and ``beside``, where its figures lie; it names Gawthrop's
-    paper if ``paper``.
+    paper if ``paper``. A template prints a picture as ``picture|drawn``.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -28,7 +29,10 @@ def render_page(parts: Sequence[Section], **said: Any) -> str:
         lstrip_blocks=True,
         finalize=unbroken,
     )
+    vectors = SharedVectors()
     environment.filters["notation"] = notation
+    environment.filters["drawn"] = lambda picture: vectors.take(picture.svg, picture.alt)
+    environment.globals["share_vectors"] = vectors.share
     environment.globals["symbols"] = SYMBOLS
     environment.globals["scripts"] = join_scripts
     environment.globals["next_table"], environment.globals["next_figure"] = count(1).__next__, count(1).__next__

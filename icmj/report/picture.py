@@ -1,8 +1,7 @@
-"""A picture of a page: a figure that is drawn into a folder, as SVG and PDF, and shown from there as a data URI."""
+"""A picture of a page: a figure that is drawn into a folder, as SVG and PDF, and shown from there."""
 
 from __future__ import annotations
 
-import base64
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,9 +15,6 @@ if TYPE_CHECKING:
 
 
 _LINKED = re.compile(rb"<dc:description>([^<]*)<")
-_PATH = re.compile(rb' (?:d|x|y)="[^"]*"')
-_INDENT = re.compile(rb"\n +")
-_BEYOND = re.compile(rb"(?<=\.\d\d)\d+")
 
 
 @dataclass(frozen=True)
@@ -32,13 +28,13 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawn figure: its file name without suffix, its SVG as a data URI, and its alternative text.
+    """A drawn figure: its file name without suffix, its SVG, and its alternative text.
 
     ``linked`` says where its axes of time, or its plane, are in it, as :func:`icmj.report.style.links` writes it.
     """
 
     name: str
-    uri: str
+    svg: bytes
     alt: str
     linked: str = ""
 
@@ -55,9 +51,7 @@ def save(figure: Figure, folder: Path, name: str) -> None:
 
 
 def show(folder: Path, drawing: Drawing) -> Picture:
-    """A figure that was drawn into ``folder``, as the page shows it: paths to a hundredth of a point, half as long."""
+    """A figure that was drawn into ``folder``, for the page."""
     svg = (folder / f"{drawing.name}.svg").read_bytes()
     linked = _LINKED.search(svg)
-    svg = _INDENT.sub(b"\n", _PATH.sub(lambda path: _BEYOND.sub(b"", path[0]), svg))
-    uri = f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
-    return Picture(drawing.name, uri, drawing.alt, linked[1].decode() if linked else "")
+    return Picture(drawing.name, svg, drawing.alt, linked[1].decode() if linked else "")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Sequence
 from io import BytesIO
@@ -490,8 +489,7 @@ def _picture(figure: Figure, out: Path, name: str) -> tuple[Picture, str]:
     figure.savefig(png, format="png", dpi=160, metadata={"Software": None})
     write_bytes(out / f"{name}.svg", svg)
     write_bytes(out / f"{name}.png", png.getvalue())
-    uri = f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
-    return Picture(name, uri, name), f"{6.9 * figure.get_size_inches()[0]:.1f}rem"
+    return Picture(name, svg, name), f"{6.9 * figure.get_size_inches()[0]:.1f}rem"
 
 
 _TEMPLATE = """\
@@ -513,7 +511,7 @@ _TEMPLATE = """\
 {% endfor %}
 {% for picture, wide, caption in item.pictures %}
 <figure class="law">
-<div class="panel"><img src="{{ picture.uri }}" alt="{{ picture.alt }}" style="max-width: {{ wide }}"></div>
+<div class="panel" style="max-width: {{ wide }}">{{ picture|drawn }}</div>
 <figcaption><b>Figure {{ next_figure() }}.</b> {{ caption }}</figcaption>
 </figure>
 {% endfor %}

@@ -3,8 +3,8 @@
   // what is folded away is looked at unfolded
   document.querySelectorAll("details").forEach((e) => (e.open = true));
   const TEXT = "p, td, th, caption, figcaption, h1, h2, h3, h4, li, dt, dd, .matrix";
-  const BLOCKS = "p, td, th, caption, figcaption, h1, h2, h3, h4, dt, dd, nav li, img";
-  const name = (e) => `${e.tagName}.${e.className} ${(e.textContent || e.alt || "").trim().slice(0, 50)}`;
+  const BLOCKS = "p, td, th, caption, figcaption, h1, h2, h3, h4, dt, dd, nav li, svg[role=img]";
+  const name = (e) => `${e.tagName}.${e.getAttribute("class")} ${(e.textContent || e.getAttribute("aria-label") || "").trim().slice(0, 50)}`;
   const shown = (e) => e.getClientRects().length > 0 && e.getBoundingClientRect().width > 0;
 
   // on a narrow screen a large matrix and the row of contents scroll inside their own boxes; nothing else may
@@ -71,29 +71,34 @@
     return found;
   }
 
-  // dark pixels of the image drawn small
-  function ink(image) {
-    if (!image.naturalWidth) return 0;
-    const canvas = Object.assign(document.createElement("canvas"), { width: 170, height: 116 });
-    const pen = canvas.getContext("2d");
+  // dark pixels of a picture drawn small, alone with what all share
+  async function ink(picture) {
+    const copy = picture.cloneNode(true), shared = document.getElementById("_");
+    if (shared) copy.prepend(...shared.cloneNode(true).childNodes);
+    const [wide, high] = [170, 116];
+    Object.entries({ xmlns: "http://www.w3.org/2000/svg", width: wide, height: high }).forEach(([key, to]) => copy.setAttribute(key, to));
+    const image = new Image();
+    image.src = `data:image/svg+xml,${encodeURIComponent(new XMLSerializer().serializeToString(copy))}`;
+    await image.decode();
+    const pen = Object.assign(document.createElement("canvas"), { width: wide, height: high }).getContext("2d");
     pen.fillStyle = "white";
-    pen.fillRect(0, 0, canvas.width, canvas.height);
-    pen.drawImage(image, 0, 0, canvas.width, canvas.height);
-    const pixels = pen.getImageData(0, 0, canvas.width, canvas.height).data;
+    pen.fillRect(0, 0, wide, high);
+    pen.drawImage(image, 0, 0, wide, high);
+    const pixels = pen.getImageData(0, 0, wide, high).data;
     let dark = 0;
     for (let i = 0; i < pixels.length; i += 4) if (pixels[i] + pixels[i + 1] + pixels[i + 2] < 600) dark++;
     return dark;
   }
 
   function pictures() {
-    return [...document.images].map((image) => {
-      const { width, height } = image.getBoundingClientRect();
-      const { alt, complete, naturalWidth } = image;
-      return { alt, complete, natural: naturalWidth, ink: ink(image), width, ratio: width / height };
-    });
+    const seen = [...document.querySelectorAll("svg[role=img]")].filter(shown);
+    return Promise.all(seen.map(async (picture) => {
+      const { width, height } = picture.getBoundingClientRect();
+      return { words: picture.getAttribute("aria-label"), ink: await ink(picture), width, ratio: width / height };
+    }));
   }
 
-  window.addEventListener("load", () => {
+  window.addEventListener("load", async () => {
     const width = document.documentElement.clientWidth;
     const found = {
       width,
@@ -101,7 +106,7 @@
       wide: tooWide(width),
       clipped: clipped(width),
       over: overlapping(width),
-      images: pictures(),
+      images: await pictures(),
       contrasts: contrasts(),
       contents: contents(),
       tables: document.querySelectorAll("table").length,

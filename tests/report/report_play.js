@@ -39,7 +39,7 @@ window.addEventListener("load", async () => {
   const plot = player.querySelector(".plot");
   found.curve = hover(plot, 0.25, 0.5, 0.75, 0.01);
   const figure = player.closest("figure");
-  const linked = (letter) => [...figure.querySelectorAll(".panel")].find((panel) => panel.querySelector("img").alt.includes(`panel (${letter})`));
+  const linked = (letter) => [...figure.querySelectorAll(".panel")].find((panel) => panel.querySelector(".drawn").getAttribute("aria-label").includes(`panel (${letter})`));
   const across = (letter, part) => {
     const panel = linked(letter), [left, right, top, bottom, from, to] = panel.dataset.linked.split(";")[0].split(" ").slice(1).map(Number);
     return hover(panel.querySelector(".held"), left + part * (right - left), (top + bottom) / 2, from + part * (to - from), 0.02);
@@ -61,8 +61,8 @@ window.addEventListener("load", async () => {
 
   found.hit = "hit" in window;
   found.text = document.body.innerText;
-  const images = [...document.images];
-  found.pictures = images.length;
-  found.broken = images.filter((image) => !image.naturalWidth).length;
+  const pictures = [...document.querySelectorAll("svg[role=img]")];
+  found.pictures = pictures.length;
+  found.broken = pictures.flatMap((one) => [...one.querySelectorAll("use")]).filter((one) => !document.querySelector(one.getAttribute("href"))).length;
   document.getElementById("found").textContent = JSON.stringify(found);
 });

@@ -175,6 +175,7 @@ def test_a_run_under_noise_has_its_hold_error_beside_the_predicted_orbit_with_it
     inside = [abs(np.interp(at, *each.T) - middle) < 1.5 * off for each in drawn]
     assert all(inside)
     assert "2 predicted standard deviations" in panel.caption(case)
+    assert not re.search(r"dark|light|pale|shade|black|white", panel.caption(case))  # they change places on a dark page
     free = replace(quiet.prediction, cycle=False, verdict="repelling")
     alone = pair([replace(case.last, prediction=free)])[0]
     assert "predicted" not in panel.caption(alone)

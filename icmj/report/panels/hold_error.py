@@ -25,7 +25,7 @@ def _describe(case: CaseRuns) -> str:
     orbit = beside(case.prediction, case.last.measurement).orbit if compares(case) else None
     beneath = ""
     if orbit is not None:
-        beneath = "; black: the predicted orbit"
+        beneath = "; without colour: the predicted orbit"
         if predict_spread(case, orbit) is not None:
             beneath += f", with a band of {WITHIN} predicted standard deviations on either side"
     return (

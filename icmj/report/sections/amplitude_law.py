@@ -70,7 +70,7 @@ TEMPLATE = """\
 {% for item in c['items'] %}
 <figure class="law">
 <div class="panels">
-<div class="panel"><img src="{{ item.picture.uri }}" alt="{{ item.picture.alt }}"></div>
+<div class="panel">{{ item.picture|drawn }}</div>
 <table>
 <thead><tr><th scope="col">{{ item.threshold }}</th><th scope="col">Interval error</th><th scope="col">Amplitude error</th></tr></thead>
 <tbody>

@@ -136,7 +136,7 @@ TEMPLATE = """\
 <dl class="given" aria-label="Parameters">{% for name, value in case.given %}<div><dt>{{ name|notation }}</dt><dd>{{ value|notation }}</dd></div>{% endfor %}</dl>
 <div class="panels">
 {% for panel in case.panels %}
-<div class="panel"{% if panel.picture.linked %} data-linked="{{ panel.picture.linked }}"{% endif %}><img src="{{ panel.picture.uri }}" alt="{{ panel.picture.alt }}. {{ panel.caption }}"><p>({{ panel.letter }}) {{ panel.caption|notation }}</p></div>
+<div class="panel"{% if panel.picture.linked %} data-linked="{{ panel.picture.linked }}"{% endif %}>{{ panel.picture|drawn }}<p>({{ panel.letter }}) {{ panel.caption|notation }}</p></div>
 {% endfor %}
 </div>
 <figcaption><b>Figure {{ next_figure() }}.</b> {{ case.title }}. {{ case.caption|notation }} {{ case.verdicts|join(" ")|notation }}{% if case.sway %} {{ case.sway|notation }}{% endif %}</figcaption>

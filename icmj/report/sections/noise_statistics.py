@@ -126,15 +126,11 @@ def _sway(case: CaseRuns) -> dict[str, Any] | None:
 
 
 TEMPLATE = """\
+{% from "macros.html.j2" import beside %}
 <p>Under noise the motion is not periodic; it is described by distributions, which leave out the first tenth of the run. Each number is given with the half-width of its 95 % confidence interval, estimated from ten blocks. Δ<sub>min</sub> is the refractory period. RMS is the root mean square. The share of intervals that are as short as Δ<sub>min</sub> shows how often the refractory period, rather than the event rule, determines the next event.</p>
 {% for item in c['items'] %}
 <figure class="law">
-<h3>{{ item.title }}</h3>
-<div class="panels">
-{% for picture in item.pictures %}
-<div class="panel"><img src="{{ picture.uri }}" alt="{{ picture.alt }}"></div>
-{% endfor %}
-</div>
+{{ beside(item.title, item.pictures) }}
 <div class="wide"><table class="stack">
 <thead><tr><th scope="col">Plant</th><th scope="col">Events</th><th scope="col">Mean interval (s)</th><th scope="col">Standard deviation (s)</th><th scope="col">At Δ<sub>min</sub> (%)</th>{% for name in item.outputs %}<th scope="col">RMS {{ name }}</th>{% endfor %}</tr></thead>
 <tbody>

@@ -113,7 +113,7 @@ TEMPLATE = """\
 {% endif %}{% if item.motion %}<div class="player" data-motion="{{ item.motion }}" hidden></div>
 {% endif %}
 <div class="panels">
-<div class="panel"{% if item.picture.linked %} data-linked="{{ item.picture.linked }}"{% endif %}><img src="{{ item.picture.uri }}" alt="{{ item.picture.alt }}"></div>
+<div class="panel"{% if item.picture.linked %} data-linked="{{ item.picture.linked }}"{% endif %}>{{ item.picture|drawn }}</div>
 </div>
 <div class="wide"><table class="stack">
 <thead><tr><th scope="col">Plant</th><th scope="col">Control</th><th scope="col">The run …</th><th scope="col">Switches</th>{% for name in item.outputs %}<th scope="col">RMS {{ name }}</th>{% endfor %}</tr></thead>

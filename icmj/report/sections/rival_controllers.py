@@ -172,15 +172,11 @@ def _rival_label(group: Sequence[Rival], n: int) -> str:
 
 
 TEMPLATE = """\
+{% from "macros.html.j2" import beside %}
 <p>Runs of the same actual plant under different controllers, measured in the same way over the second half of each run: root mean square about the mean (RMS), mean speed and median frequency of every output. Actions are the events of an intermittent controller and the switches of a switched one.</p>
 {% for item in c['items'] %}
 <figure class="law">
-<h3>{{ item.title }}</h3>
-<div class="panels">
-{% for picture in item.pictures %}
-<div class="panel"><img src="{{ picture.uri }}" alt="{{ picture.alt }}"></div>
-{% endfor %}
-</div>
+{{ beside(item.title, item.pictures) }}
 <div class="wide"><table class="stack">
 <thead><tr><th scope="col">Controller</th><th scope="col">Run</th><th scope="col">Actions (1/s)</th>{% for name in item.outputs %}<th scope="col">RMS {{ name }}</th><th scope="col">Speed (1/s)</th><th scope="col">Median (Hz)</th>{% endfor %}</tr></thead>
 <tbody>

@@ -26,16 +26,32 @@ import { cleared, drawFigure } from "./body.js";
   const figures = (value) => (Math.abs(value) >= 100 ? value.toFixed(0) : Math.abs(value) >= 10 ? value.toFixed(1) :
     Math.abs(value) >= 0.1 || value === 0 ? value.toFixed(2) : value.toPrecision(2)).replace("-", "−");
 
+  // whole numbers out of letters: five bits in each, lowest first, and 32 where more follow; the lowest of all is the sign
+  const LETTERS = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz-_";
+  const DIGITS = Object.fromEntries([...LETTERS].map((letter, digit) => [letter, digit]));
+  function numbers(letters) {
+    const found = [];
+    let bits = 0, place = 0;
+    for (const letter of letters) {
+      const digit = DIGITS[letter];
+      bits |= (digit & 31) << place;
+      place += 5;
+      if (digit > 31) continue;
+      found.push(bits & 1 ? ~(bits >> 1) : bits >> 1);
+      bits = place = 0;
+    }
+    return found;
+  }
+
   // a run: its columns as numbers, and any of them at any time
   class Motion {
     constructor(data) {
       Object.assign(this, data);
-      const count = atob(data.columns[0][2]).length / 2;
-      this.columns = data.columns.map(([low, step, text]) => {
+      const count = numbers(data.columns[0][2]).length;
+      this.columns = data.columns.map(([low, step, letters]) => {
         const values = new Float64Array(count).fill(low);
-        const bytes = text === undefined ? "" : atob(text);
-        for (let i = 0; 2 * i < bytes.length; i++)
-          values[i] += step * (bytes.charCodeAt(2 * i) + 256 * bytes.charCodeAt(2 * i + 1));
+        let whole = 0, change = 0;
+        if (letters) numbers(letters).forEach((second, i) => (values[i] += step * (whole += change += second)));
         return values;
       });
       const n = data.outputs.length;
@@ -244,7 +260,7 @@ import { cleared, drawFigure } from "./body.js";
     }
     // a figure with axes of time, or a plane of outputs against their rates
     link(panel) {
-      const image = panel.querySelector("img"), holder = document.createElement("div");
+      const image = panel.querySelector(".drawn"), holder = document.createElement("div");
       const axes = panel.dataset.linked.split(";").map((each) => each.split(" ")).map(([kind, ...of]) => [kind, of.map(Number)]);
       const [kind, [left, right, top, bottom, ...range]] = axes[0];
       const { motion } = this;
