@@ -81,10 +81,10 @@ def select_lasting(A: Array, V: Array) -> Array:
     """The part of the invariant subspace V whose modes neither grow nor decay, shape (N, r)."""
     A_V, error = V.T @ A @ V, estimate_error(A)
     lasting = find_span(A_V, lambda mu: are_together(A_V, mu, 1j * mu.imag, error))
-    rates = np.linalg.eigvals(lasting.T @ A_V @ lasting).real
+    rates = np.linalg.eigvals(lasting.T @ A_V @ lasting)
     # of several that are one an error makes a wide ring, but around their rate: one beside the axis is not zero
-    around_zero = not rates.size or abs(rates.mean()) <= max(_GAP * error, float(np.ptp(rates)))
-    return V @ lasting if around_zero else V[:, :0]
+    middle = rates.real.sum() / max(len(rates), 1)
+    return V @ lasting if abs(middle) <= max(_GAP * error, np.abs(rates - middle).max(initial=0.0)) else V[:, :0]
 
 
 def select_growing(A: Array, V: Array, C: Array) -> Array:

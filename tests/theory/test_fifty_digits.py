@@ -16,6 +16,7 @@ pytest.importorskip("flint", reason="arithmetic of 50 digits")
     4, 5, 7, 8, 9, 11,
     96,  # a pair that passes beside +1
     415,  # rates of 1e-5/s beside one of 50/s, which begin together at +1
+    406, 544,  # chains and slow modes in mixed coordinates, which are together
     13, 392,  # φ in floats leaves it open
 ])  # fmt: skip
 def test_crossings_are_those_of_a_scan_with_50_digits(seed):
