@@ -134,6 +134,8 @@ class Spectra:
             if TOGETHER >= abs(g[i].imag) * delta > 0 and self._pairs_up(G, g, i, delta):
                 return None
         same = self._same(G, g, i, delta)
+        if kind == "complex":  # of a pair that is near the real axis the other one is not the same
+            same &= g.imag > 0
         count = int(same.sum())
         if count == 1:
             value, dimension, slower = g[i], 1, np.empty(0)

@@ -17,6 +17,7 @@ pytest.importorskip("flint", reason="arithmetic of 50 digits")
     96,  # a pair that passes beside +1
     415,  # rates of 1e-5/s beside one of 50/s, which begin together at +1
     406, 544,  # chains and slow modes in mixed coordinates, which are together
+    686,  # a pair that crosses 1e-5 beside +1 where φ is 1e7
     13, 392,  # φ in floats leaves it open
 ])  # fmt: skip
 def test_crossings_are_those_of_a_scan_with_50_digits(seed):
