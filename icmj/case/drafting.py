@@ -6,7 +6,7 @@ import os
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +37,7 @@ class Draft:
         outputs: chosen ones, or "joints".
         drop: states left out.
         R_c, R_o: weights.
+        timestep: of runs with RK4 [s], where the model's own steps would be taken and are of first order; or ``None``.
     """
 
     model: Path
@@ -49,6 +50,7 @@ class Draft:
     drop: tuple[str, ...]
     R_c: float
     R_o: float
+    timestep: float | None = None
 
 
 def draft_text(draft: Draft) -> str:
@@ -128,10 +130,13 @@ def _rest(draft: Draft) -> Iterable[str]:
     state = _start(draft)
     if state is not None:
         yield _line(f"initial = {{ {key_text(state)} = {START} }}", "departure from the operating point [rad or m]")
-    yield from (
-        _line(f"# timestep = {draft.there.timestep:g}", "the model's own [s]"),
-        _line("limit = 1.0", "it has fallen when a position departs further than this [rad or m]; or by name"),
-    )
+    own = f"{draft.there.timestep:g}"
+    if draft.timestep is None:
+        yield _line(f"# timestep = {own}", "the model's own [s]")
+    else:
+        yield _line(f"timestep = {draft.timestep:g}", f"[s]; the model has {own} with an integrator of first order")
+        yield _line('integrator = "RK4"', "of fourth order")
+    yield from (_line("limit = 1.0", "it has fallen when a position departs further than this [rad or m]; or by name"),)
 
 
 def case_name(model: Path) -> str:
@@ -239,10 +244,31 @@ def draft_run(model: Path, out: Path, keyframe: str | None = None) -> FirstRunFi
         text = draft_text(draft)
         try:
             expect_theory(case := prepare(parse_run(text, out)), "a first run file")
+            if (timestep := choose_timestep(case)) is not None:
+                text = draft_text(replace(draft, timestep=timestep))
+                case = prepare(parse_run(text, out))
             return FirstRunFile(text, case, "")
         except IcmjError as error:
             best = best or FirstRunFile(text, None, str(error).removeprefix(f"{out}: "))
     return best or FirstRunFile(draft_text(nothing), None, trouble)
+
+
+def choose_timestep(case: Case) -> float | None:
+    """A step of one digit for RK4 [s], no longer than the model's own, where that would be taken and is of first order.
+
+    It is the one that would be chosen were the motion smooth; ``None`` where it is chosen, or the model has RK4.
+    """
+    from icmj.engine.accuracy import order_of
+    from icmj.engine.closed_loop import close_loop
+    from icmj.engine.stepping import DEFAULT_TOLERANCE, choose_step
+
+    law, settings, own = case.controller, case.settings, case.stepping
+    loop = close_loop(case.model.matched(law.plant, "position"), law, settings)
+    if own.tolerance or order_of(loop.model) > 1:
+        return None
+    step = min(choose_step(loop, settings, DEFAULT_TOLERANCE), own.timestep)
+    digit = 10.0 ** np.floor(np.log10(step))
+    return float(f"{np.floor(step / digit) * digit:.0e}")
 
 
 def weights(plant: MujocoPlant) -> tuple[float, float]:

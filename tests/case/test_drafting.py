@@ -12,6 +12,7 @@ from icmj import load_run, prepare, simulate
 from icmj.case.drafting import case_name, draft_run
 from icmj.engine.inventory import list_inventory
 from icmj.errors import ModelError
+from icmj.simulation.simulation import get_relative_error
 
 SHIPPED = ("pendulum", "pendulum_neglected", "three_link", "three_link_floor")
 FOREIGN = (("gymnasium", "envs/mujoco/assets/inverted_pendulum.xml"), ("dm_control", "suite/cartpole.xml"))
@@ -60,6 +61,32 @@ def test_any_actuator(tmp_path, actuator):
     case = runs_as_it_is(written(tmp_path, pendulum(actuator)), tmp_path)
     assert case.run.assumed.model == "model.xml"
     assert case.run.simulation.initial == {"lean": 0.02}
+
+
+TOUCHES = (
+    pendulum(MOTOR)
+    .replace('integrator="RK4"><flag contact="disable"/></option>', 'integrator="{}"/>')
+    .replace("<worldbody>", '<worldbody><geom name="ground" type="plane" size="1 1 1" pos="0 0 -1"/>')
+    .replace('<site name="top"', '<geom name="head" size="0.1" pos="0 0 1.8" mass="0"/><site name="top"')
+)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+def test_where_steps_of_first_order_would_be_taken_better_ones_are_written(tmp_path, integrator):
+    """Something could touch, so no step is chosen, and the first run erred by percent."""
+    case = runs_as_it_is(written(tmp_path, TOUCHES.format(integrator)), tmp_path)
+    assert case.run.simulation.integrator == "RK4"
+    assert 0 < case.run.simulation.timestep <= 0.002
+    assert get_relative_error(simulate(case, "mujoco", duration=6.0)) < 1e-6
+    own = prepare(case.run.with_(**{"simulation.timestep": None, "simulation.integrator": None}))
+    assert get_relative_error(simulate(own, "mujoco", duration=6.0)) > 1e-3
+
+
+def test_where_the_model_has_its_steps_or_they_are_chosen_none_are_written(tmp_path):
+    for text in (TOUCHES.format("RK4"), pendulum(MOTOR).replace("RK4", "Euler")):
+        case = draft_run(written(tmp_path, text), tmp_path / "first.toml").case
+        assert case is not None
+        assert (case.run.simulation.integrator, case.run.simulation.timestep) == (None, None)
 
 
 def test_of_several_keyframes_one_at_rest_is_taken_and_the_others_are_named(tmp_path):
