@@ -24,6 +24,22 @@ def case(root: Path, duration: float = 20.0, *more: str) -> Case:
     return prepare(parse_run(text.replace("growth_points = 2", "growth_points = 0")))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def compiled(root: Path) -> None:
+    """What the runs here need is compiled before, so that the time of none depends on what a cache holds."""
+    acting = {"kind": "noise", "size": 1e-3, "seed": 1, "bandwidth": 5.0}
+    for name, place, delay in (("simple-0.8", "torque", 0.0), ("simple-0.8", "torque", 0.1),
+                               ("rivals/one-link-delayed-pd", "ankle_torque", 0.2)):  # fmt: skip
+        changes = {
+            "assumed.delay": delay,
+            "simulation.duration": 1.0,
+            "simulation.disturbance": [acting | {"input": place}],
+        }
+        found = prepare(load_run(root / "runs" / f"{name}.toml").with_(**changes))
+        for plant in ("linear", "mujoco"):
+            simulate(found, plant)
+
+
 def test_the_shipped_cases_and_experiments_are_quick(root: Path) -> None:
     for path in sorted((root / "runs").glob("*.toml")):
         found = prepare(load_run(path))
