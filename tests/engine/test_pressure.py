@@ -11,6 +11,7 @@ from icmj import Case, Person, Simulation, load_plant, parse_run, prepare, simul
 from icmj.engine.reaction import Pressure, centre_of_pressure, ground_force
 from icmj.errors import ModelError
 from icmj.plant.body import OperatingRule
+from icmj.simulation.simulation import list_remarks
 
 ROOT = Path(__file__).parents[2]
 FLOOR = 'model = "models/three_link_floor.xml"\ndrop = ["foot_x"]'
@@ -130,9 +131,12 @@ def test_the_foot_lifts_at_the_threshold_that_small_sway_tells(gain, threshold):
     lifts = 1e-4 / small.unloading
     assert lifts == pytest.approx(threshold, abs=5e-5)
     assert 1e-4 / linear.unloading == pytest.approx(lifts, rel=1e-3)
-    assert not swaying(case, 0.97 * lifts)[1].lifted
+    below, still = swaying(case, 0.97 * lifts)
     run, above = swaying(case, 1.05 * lifts)
     assert above.lifted
+    assert not still.lifted
+    told = [[one.kind for one in list_remarks(of)] for of in (below, run)]
+    assert ["lift-off" in kinds for kinds in told] == [False, True]
     # the toe, for the heel bears more; pressure has come to the heel by then
     assert above.load.min(axis=0)[0] > 0
     assert above.centre[:, 0].min() == pytest.approx(-0.07, abs=1e-3)

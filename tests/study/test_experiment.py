@@ -4,6 +4,7 @@ import hashlib
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,11 @@ import pytest
 from terminal_cases import told as signs_apart
 
 import icmj
+from icmj.engine.reaction import ground_force
 from icmj.errors import DataError, IcmjError, RunFileError, StudyError
 from icmj.runfile.reading import parse_toml
-from icmj.study.experiment import resume_experiment
+from icmj.simulation.settings import reseed
+from icmj.study.experiment import conditions_of, resume_experiment, trial
 from icmj.study.experiment_file import ExperimentFile
 from icmj.work.shipped import EXPERIMENTS
 
@@ -269,6 +272,22 @@ def test_a_rate_that_the_times_contradict_is_refused(tmp_path, shell):
     assert words in shell.refuses(["experiment", "standing", *given, "50"])
     shell.answers(["experiment", "standing", *given, "100", "--json"])
     assert words in shell.refuses(["fit", path, "--rate", "50", "--model", "none.toml"])
+
+
+def test_rows_and_events_of_a_trial_are_counted_from_the_same_instant(tmp_path):
+    """Both from ``settle`` on: laid over each other, they were as far apart as that is long."""
+    file = file_of(TEXT, tmp_path)
+    kind, (own, _) = file.settings, conditions_of(file)
+    found = trial(kind, own, 3)
+    case = icmj.prepare(kind.stimulate(own.run, 3))
+    run = icmj.simulate(replace(case, settings=reseed(case.settings, 3)), "linear")
+    late = run.events.t[run.events.t >= 2.0]
+    assert 0 < len(late) < len(run.events)
+    np.testing.assert_allclose(found.events, late - 2.0, atol=1e-12)
+    rows = np.searchsorted(run.t, found.series.t + 2.0 - 1e-9)
+    force = ground_force(case.actual, run)
+    for name in ("force.x", "cop.x"):
+        np.testing.assert_allclose(found.series[name], force[name][rows], atol=1e-9 * np.abs(force[name]).max())
 
 
 def test_continuous_control_has_no_events(done):

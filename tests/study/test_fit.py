@@ -215,6 +215,10 @@ def test_what_is_found_and_left_in_the_folder(tmp_path, monkeypatch, toys) -> No
     assert {"report.html", "results.parquet", "summary.json", "anna.one.nc", "sway.anna.one.svg"} <= names
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Do not trust this fit, because" in page
+    # the first line says what a probability hangs on, and none is certain
+    first = page.replace("\u00a0", " ").partition("whose probability is ")[2][:400]
+    assert choice.AT_ONCE in first
+    assert not first.startswith(("1.00", "0.00"))
     foot = page.partition("<footer>")[2]
     assert "from recordings and simulated people" in foot
     assert not any(word in foot for word in ("Gawthrop", "logs", "PDF"))
