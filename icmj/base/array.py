@@ -214,11 +214,12 @@ def propagate(A: Array, x: Array, t: Array) -> Array:
     for order in range(1, _TERMS):
         part = part @ balanced.T * (rest / order)[:, None]
         result = result + part
-    step = compute_exponential(balanced * unit) if whole.any() else balanced
+    step: Array | None = None
     while whole.any():
+        step = compute_exponential(balanced * unit) if step is None else step @ step
         odd = whole % 2 == 1
         result[odd] = result[odd] @ step.T
-        step, whole = step @ step, np.floor(whole / 2)
+        whole = np.floor(whole / 2)
     return np.asarray(result * scale)
 
 
