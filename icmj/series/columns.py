@@ -17,13 +17,13 @@ from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.even_rows import step_of
-from icmj.series.long_table import split_rows
+from icmj.series.long_table import refuse_unknown_labels, refuse_unknown_numbers, split_rows
 from icmj.series.plates import find_loads, leave_out_unloaded
 from icmj.series.series import COUNTER, Series, expect_names_differ, place
 from icmj.series.units import SECONDS
 
 MOST_NUMBERS = 12_000_000  # that are read, times among them; measuring them takes a gigabyte and a half
-TIMES = ("t", "time", "times", "timestamp", "seconds")
+TIMES = ("t", "time", "times", "timestamp", "seconds", "x_value")  # the last of LabVIEW
 """Names of a column of times, whatever else is in the file."""
 COUNTS = ("frame", "frames", "sub frame", "subframe", "sample", "samples", "index", "row", "item")  # of rows
 LONGEST_STEP, SHORTEST_STEP = 0.3, 2e-5
@@ -82,26 +82,38 @@ class Columns:
             )
         return np.empty((rows, len(self.at)))
 
-    def to_trials(self, data: Array, labels: Sequence[tuple[str, Any]] = ()) -> tuple[Series, ...]:
+    def to_trials(
+        self, data: Array, labels: Sequence[tuple[str, Any]] = (), texts: Sequence[tuple[str, Any]] = ()
+    ) -> tuple[Series, ...]:
         """The series of each trial from the data that were read; without labels there is one.
 
         Args:
             data: shape (N, columns).
             labels: topic and cells of the columns that label rows (:mod:`icmj.series.long_table`).
+            texts: name and cells of other columns of text.
 
         Raises:
-            DataError: if times do not rise, their unit has to be said, or a row has no label.
+            DataError: if times do not rise, their unit has to be said, a row has no label, or another column may be one
+                of labels.
         """
         if self.clock or labels:  # rows that exporters leave empty at the end are none
             known = np.flatnonzero(~np.isnan(data).all(axis=1))
             data = data[: known[-1] + 1 if len(known) else 0]
-        if not labels:
-            return (self._to_series(data),)
+        again = np.flatnonzero(np.diff(data[:, 0]) < 0) if self.clock and not labels else np.empty(0, int)
+        if len(again) and again[0] > 1 and data[again[0] + 1, 0] <= data[1, 0]:
+            raise DataError(
+                f"times begin again in row {again[0] + 2}, as of trials one below the other; call what tells these "
+                "apart 'trial', 'condition' or 'person'"
+            )
+        split = split_rows(labels, len(data)) if labels else [({}, np.arange(len(data)))]
+        refuse_unknown_labels(texts, [rows for _, rows in split])
         found = []
-        for named, rows in split_rows(labels, len(data)):
+        for named, rows in split:
             try:
-                series = self._to_series(data[rows])
+                series = self._to_series(data[rows] if labels else data)
             except DataError as error:
+                if not labels:
+                    raise
                 raise DataError(f"{', '.join(f'{topic} {word}' for topic, word in named.items())}: {error}") from error
             found.append(replace(series, facts={**named, **series.facts}))
         return tuple(found)
@@ -117,7 +129,8 @@ class Columns:
         signals, left = [], list(self.left)
         for i, name in enumerate(self.names):
             rises = _rises(data[:, i])
-            if name.lower() in COUNTS or (rises and self.clock and _is_time(name)):
+            timed = rises and (_is_time(name) or self.units[i].lower() in SECONDS)
+            if _counts(name) or (self.clock and (timed or _numbers_rows(data[:, i]))):
                 left.append(f"{name}, which counts rows or time")
             elif rises == "evenly" and not self.clock:
                 step = float(data[1, i] - data[0, i])
@@ -126,6 +139,8 @@ class Columns:
                     "'t [s]', or the columns to read"
                 )
             else:
+                if not self.units[i] and name != COUNTER:
+                    refuse_unknown_numbers(name, data[:, i])
                 signals.append(name)
         if not signals:
             raise DataError("no column of numbers beside those that count rows")
@@ -137,6 +152,8 @@ class Columns:
             assert self.rate is not None
             return np.arange(len(data), dtype=float) * step_of(self.rate, 0)
         t = data[:, 0]
+        if len(t) and not np.isfinite(t).any():
+            raise DataError(f"{self.clock} has no values; fill it, or take it out and say the rate")
         if self.second is not None:
             return t * self.second
         known = t[np.abs(t) < _LARGE]
@@ -178,6 +195,9 @@ def choose_columns(
     units = [given or own for given, (_, own) in zip(units, named, strict=True)]
     clock = _find_clock(names, units)
     if clock is None and rate is None:
+        for name, unit in zip(names, units, strict=True):
+            if _is_time(name):
+                _second_of(name, unit)
         raise DataError(f"no column of times ({', '.join(TIMES[:2])}); say with --rate how many rows a second has")
     second = None if clock is None else _second_of(names[clock], units[clock])
     kept = [i for i in range(len(names)) if i != clock]
@@ -210,6 +230,15 @@ def _find_clock(names: Sequence[str], units: Sequence[str]) -> int | None:
     united = (i for i, unit in enumerate(units) if unit.lower() in SECONDS and (i == 0 or _is_time(names[i])))
     worded = (i for i, name in enumerate(names) if _is_time(name) and (not units[i] or units[i].lower() in SECONDS))
     return next((i for found in (exact, united, worded) for i in found), None)
+
+
+def _counts(name: str) -> bool:
+    return re.sub(r"[\W_]+", " ", name.lower()).strip() in COUNTS
+
+
+def _numbers_rows(values: Array) -> bool:
+    """Whether they are whole numbers, each one more than that before, as no signal is."""
+    return len(values) > 2 and bool((np.diff(values) == 1).all() and values[0] == np.rint(values[0]))
 
 
 def _is_time(name: str) -> bool:

@@ -11,7 +11,7 @@ import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 
 from icmj.base.text import one_line
 from icmj.errors import DataError
@@ -31,10 +31,13 @@ _PLAIN = {  # a number by its decimal sign
     ".": re.compile(rf"{_SIGN}(\d+\.?\d*|\.\d+){_POWER}|[-+]?inf", re.IGNORECASE),
     ",": re.compile(rf"{_SIGN}(\d+(,\d+)?|,\d+){_POWER}|[-+]?inf", re.IGNORECASE),
 }
-_GROUPED = {  # one whose thousands are separated by the other sign
-    ".": re.compile(rf"{_SIGN}[1-9]\d{{0,2}}(,\d{{3}})+(\.\d*)?"),
-    ",": re.compile(rf"{_SIGN}[1-9]\d{{0,2}}(\.\d{{3}})+(,\d*)?"),
+_THIN = "\u00a0\u2009\u202f'’"  # what separates thousands and nothing else: blanks that hold together, apostrophes
+_GROUPED = {  # one whose thousands are separated, by the other sign or by one of these
+    ".": re.compile(rf"{_SIGN}[1-9]\d{{0,2}}(?P<by>[,{_THIN}])\d{{3}}((?P=by)\d{{3}})*(\.\d*)?"),
+    ",": re.compile(rf"{_SIGN}[1-9]\d{{0,2}}(?P<by>[.{_THIN}])\d{{3}}((?P=by)\d{{3}})*(,\d*)?"),
 }
+_BETWEEN = re.compile(rf"(?<=\d)[{_THIN}](?=\d{{3}})")
+_QUOTED = re.compile(rb'"[-+]?[\d,.]+"')
 _SMALL = re.compile(rf"{_SIGN}\d{{1,3}}")
 _WITH_WORDS = re.compile(rf"{_SIGN}\d+([.,]\d+)?\s*[^\W\d]+[^\d]*")
 _WITH_UNIT = re.compile(rf"(?P<number>{_SIGN}[\d.,]+{_POWER})\s*(?P<unit>[^\W\d_].*|[°%])")
@@ -118,8 +121,14 @@ class TableForm:
         """Some rows with one ``delimiter`` between their fields, and numbers as computers write them."""
         if self.delimiter == " ":
             rows = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", rows))
+        words = _decode(rows)
+        rows = (_BETWEEN.sub("", words) if self.grouped else words).encode()
         if self.grouped:
-            rows = rows.replace(b"." if self.decimal == "," else b",", b"")
+            sign = b"." if self.decimal == "," else b","
+            if sign != self.delimiter.encode():
+                rows = rows.replace(sign, b"")
+            else:  # thousands stand between quotation marks then
+                rows = _QUOTED.sub(lambda cell: cell.group().replace(sign, b""), rows)
         rows = _FORTRAN.sub(b"e", rows) if self.fortran else rows
         return rows.replace(_MINUS, b"-")
 
@@ -207,13 +216,18 @@ def _lines(text: bytes) -> list[_Line]:
     for number, raw in enumerate(islice((line.group() for line in _LINE.finditer(text)), HEAD), 1):
         if len(raw) > LONGEST_LINE:
             raise DataError(f"line {number} has more than {LONGEST_LINE} characters; expected a table")
-        try:
-            words = raw.decode("utf-8-sig")
-        except UnicodeDecodeError:  # what Western European spreadsheets wrote before
-            words = raw.decode("cp1252", errors="replace")
-        found.append(_Line(number, words.strip(), offset))
+        words = _decode(raw)
+        # a tab at either end is beside an empty cell
+        found.append(_Line(number, words.strip(" \r\n\v\f") if words.strip() else "", offset))
         offset += len(raw)
     return found
+
+
+def _decode(raw: bytes) -> str:
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:  # what Western European spreadsheets wrote before
+        return raw.decode("cp1252", errors="replace")
 
 
 def _longest(lines: Sequence[_Line], delimiter: str, decimal: str) -> _Run | None:
@@ -256,10 +270,9 @@ def _decimals(cell: str, decimal: str) -> int:
 
 
 def _fields(line: _Line, delimiter: str) -> tuple[str, ...]:
-    if delimiter == " ":
-        return tuple(line.words.split())
+    words = re.sub("[ \t]+", " ", line.words).strip() if delimiter == " " else line.words
     try:
-        return tuple(field.strip() for field in next(csv.reader([line.words], delimiter=delimiter), []))
+        return tuple(field.strip() for field in next(csv.reader([words], delimiter=delimiter), []))
     except csv.Error as error:
         raise DataError(f"line {line.number} is not a row of a table ({error})") from error
 
@@ -284,7 +297,7 @@ def _decide(best: _Run, found: Sequence[_Run], lines: Sequence[_Line]) -> _Run:
     for i in range(best.width) if best.delimiter != "," and not tells else ():
         # numbers with three digits behind a sign, and shorter ones without: 4.720 and 987
         column = best.column(i)
-        long = [cell for cell in column if _GROUPED[other].fullmatch(cell)]
+        long = [cell for cell in column if best.decimal in cell and _GROUPED[other].fullmatch(cell)]
         if long and len(long) < len(column) and all(cell in long or _SMALL.fullmatch(cell) for cell in column):
             raise DataError(
                 f"{long[0]!r} has decimals or separated thousands, and no other column tells; save numbers without "
@@ -351,14 +364,40 @@ def _name(run: _Run, above: Sequence[_Line]) -> tuple[tuple[str, ...], tuple[str
         names = (*names, "")
     elif len(names) == run.width - 1 and len(names) > 0 and counts:
         return ("", *names), ("", *units)[: run.width] if any(units) else nothing, True
+    elif len(names) == run.width + 1 and names[-1] == "Comment":  # LabVIEW: where there is none, its column neither
+        names = names[:-1]
     if len(names) == run.width:
-        return names, units, counts and any(names) and not names[0]
+        whole = _tell_apart(names, above[:-1] if any(units) else above, run)
+        return whole, units, counts and any(names) and not names[0]
     # a single word, or a sentence between blanks, is a title
     if len(names) > 1 and run.delimiter != " ":
         raise DataError(
             f"line {above[-1].number} has {len(names)} names, the rows below it have {run.width} columns; name each"
         )
     return nothing, nothing, False
+
+
+def _tell_apart(names: tuple[str, ...], above: Sequence[_Line], run: _Run) -> tuple[str, ...]:
+    """Names that stand several times, with what stands right above them as far as it tells them apart: ``C7.X``.
+
+    Marker systems write the name of a marker over its first column or over each, and so do tables of several levels.
+
+    Args:
+        above: the lines down to that of the names.
+    """
+    layers: list[list[str]] = []
+    for lower, upper in pairwise(reversed(above)):
+        cells = _fields(upper, run.delimiter) if upper.number == lower.number - 1 else ()
+        if not 1 < len(cells) <= run.width:
+            break
+        layers.append([])
+        for cell in (*cells, *[""] * (run.width - len(cells))):
+            layers[-1].append(cell or "".join(layers[-1][-1:]))  # that over the column before
+    ways: list[tuple[str, ...]] = [(name,) for name in names]
+    for layer in reversed(layers):
+        longer = [(*way[:-1], cell, way[-1]) for way, cell in zip(ways, layer, strict=True)]
+        ways = longer if len(set(longer)) > len(set(ways)) else ways
+    return tuple(".".join(way) if names.count(way[-1]) > 1 and way[-1] else way[-1] for way in ways)
 
 
 def _split_names(line: _Line, run: _Run) -> tuple[str, ...]:
@@ -369,15 +408,18 @@ def _split_names(line: _Line, run: _Run) -> tuple[str, ...]:
             return fields
     if run.delimiter == " ":
         joined = tuple(" ".join(part.split()) for part in _SPLIT.findall(words))
-        return joined if len(joined) == run.width else tuple(re.split(r"\s{2,}|\t", words))
+        if '"' in words:  # as of R, which leaves out the name of the numbers of rows
+            joined = _fields(plain, " ")
+        fits = len(joined) == run.width or (len(joined) == run.width - 1 and _counts_rows(run.column(0)))
+        return joined if fits else tuple(re.split(r"\s{2,}|\t", words))
     blanks = tuple(words.split()) if not set(words) & set(";\t,") else ()
     return blanks if len(blanks) == run.width else _fields(plain, run.delimiter)
 
 
 def _counts_rows(cells: Sequence[str]) -> bool:
-    """Whether they are 0, 1, 2, … or 1, 2, 3, …"""
+    """Whether they are 0, 1, 2, …, from whichever number on, as of rows that are a part of others."""
     numbers = [int(cell) if cell.isdecimal() and len(cell) < 10 else -1 for cell in cells]
-    return len(cells) > 1 and numbers[0] in (0, 1) and numbers == list(range(numbers[0], numbers[0] + len(cells)))
+    return len(cells) > 1 and numbers[0] >= 0 and numbers == list(range(numbers[0], numbers[0] + len(cells)))
 
 
 def _sort_columns(

@@ -14,11 +14,12 @@ from icmj.series.units import QUANTITIES, find_factor
 
 # of names in small letters, without what separates their parts; what is left of one tells the plate
 _LOAD = re.compile(
-    r"(?P<before>.*?)(?:(?:f|force|grf|groundreactionforce)(?P<number>\d*)(?:z|v|vert|vertical)|verticalforce"
+    r"(?P<before>.*?)(?:(?:force)?(?:f|force|grf|groundreactionforce)(?P<number>\d*)(?:z|v|vert|vertical)|verticalforce"
     r"|groundforcevy)(?P<after>\d*)"
 )
 _CENTRE = re.compile(
-    r"(?P<before>.*?)(?:cop|cent(?:er|re)ofpressure|groundforcep)(?P<number>\d*)(?:x|y|z|ap|ml)?(?P<after>\d*)|ap|ml"
+    r"(?P<before>.*?)(?:cop|cent(?:er|re)ofpressure|groundforcep)(?P<number>\d*)(?:c?x|c?y|z|ap|ml)?(?P<after>\d*)|ap|ml"
+    r"|[ac][xy](?P<alone>\d*)"  # of BioWare and Nexus
 )
 
 
@@ -32,7 +33,7 @@ def find_loads(names: Sequence[str], units: Sequence[str]) -> dict[int, tuple[in
     forces = {i: plate for i, plate in named.items() if plate is not None}
     found = {}
     for i, name in enumerate(names):
-        if i in forces or (plate := _plate(_CENTRE, name)) is None:
+        if i in forces or "/" in units[i] or (plate := _plate(_CENTRE, name)) is None:
             continue
         own = tuple(at for at, of in forces.items() if plate in ("", of) or not of)
         if own:

@@ -114,9 +114,11 @@ _TABLE = "save its table as CSV, with names and units in the first row"
 ELSEWHERE = {
     **dict.fromkeys((".xlsx", ".xls", ".ods"), _TABLE),
     **dict.fromkeys(
-        (".mat", ".h5", ".hdf5"), "save its arrays as npz (numpy.savez) or CSV, one column for each signal"
+        (".mat", ".h5", ".hdf5", ".npy", ".pkl", ".json"),
+        "save its arrays as npz (numpy.savez) or CSV, one column for each signal",
     ),
     **dict.fromkeys((".trc", ".anc", ".tdf", ".qtm"), "export it as C3D or as a table"),
+    ".feather": "save it as Parquet",
     **dict.fromkeys((".zip", ".gz", ".7z"), "unpack it first"),
 }
 """What to do with files of other formats, by suffix."""

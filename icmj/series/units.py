@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -21,7 +22,11 @@ QUANTITIES: Mapping[str, Mapping[str, float]] = {
     "angle": {"rad": 1.0, "mrad": 1e-3, "deg": _TURN, "°": _TURN, "degrees": _TURN, "degree": _TURN},
     "length": {f"{p}m": size for p, size in _PREFIXES.items() if p != "k"},
     "force": {f"{p}N": size for p, size in _PREFIXES.items() if p != "c"},
-    "torque": {f"{p}N{q}m": a * b for p, a in _PREFIXES.items() for q, b in _PREFIXES.items() if q in ("", "c", "m")},
+    "torque": {
+        f"{p}N{sign}{q}m": a * b
+        for (p, a), (q, b), sign in product(_PREFIXES.items(), _PREFIXES.items(), ("", "-"))
+        if q in ("", "c", "m")
+    },
 }
 """Units of each quantity, without blanks and signs of multiplication, in rad, m, N or N m."""
 _OF_TIME = {1.0: "s sec secs second seconds", 1e-3: "ms msec milliseconds", 1e-6: "us µs μs usec microseconds"}

@@ -4,12 +4,13 @@ import datetime
 import decimal
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from icmj.errors import DataError
-from icmj.series.reading import read_series
+from icmj.series.reading import read_long_table, read_series
 
 N, RATE = 400, 100.0
 RANDOM = np.random.default_rng(1)
@@ -77,6 +78,30 @@ READ = {
     "a unit behind each number, times too": table(
         "t;ap;ml", [tuple(f"{v:.4f} {u}" for v, u in zip(row, ("s", "mm", "mm"), strict=True)) for row in ROWS], ";"
     ).replace(".", ","),
+    "thousands with blanks that hold together": table(
+        "t [s]\tap [µm]\tml [µm]",
+        [(f"{t:.2f}", micrometres(a, "\u202f"), micrometres(m, "\u00a0")) for t, a, m in ROWS],
+        "\t",
+    ),
+    "thousands with apostrophes": table(
+        "t [s];ap [µm];ml [µm]", [(f"{t:.2f}", micrometres(a, "'"), micrometres(m, "’")) for t, a, m in ROWS], ";"
+    ),
+    "thousands with commas between commas": table(
+        "t [s],ap [µm],ml [µm]", [(t, f'"{micrometres(a, ",")}"', f'"{micrometres(m, ",")}"') for t, a, m in ROWS]
+    ),
+    "numbers of rows between blanks": table(
+        '"t [s]" "ap [mm]" "ml [mm]"', [(f'"{i + 1}"', *row) for i, row in enumerate(ROWS)], " "
+    ),
+    "an index of a part": table("," + HEAD, [(str(i + 500), *row) for i, row in enumerate(ROWS)]),
+    "an index that was saved twice": table(
+        ",Unnamed: 0," + HEAD, [(str(i), str(i), *row) for i, row in enumerate(ROWS)]
+    ),
+    "numbered frames by another name": table("Frame#," + HEAD, [(str(7 + i), *row) for i, row in enumerate(ROWS)]),
+    "times of LabVIEW": (
+        "LabVIEW Measurement\nSeparator\tTab\n***End_of_Header***\n\t\t\nChannels\t2\nSamples\t400\t400\n"
+        "Y_Unit_Label\tmm\tmm\nX0\t0.0\t0.0\nDelta_X\t0.01\t0.01\n***End_of_Header***\n"
+        + table("X_Value\tap [mm]\tml [mm]\tComment", ROWS, "\t")
+    ),
     "a column of text": table("t [s],ap [mm],eyes,ml [mm]", [(t, a, "open", m) for t, a, m in ROWS]),
 }
 
@@ -85,6 +110,8 @@ LEFT = {
     "layers of a marker system": "Frame, which counts rows or time",
     "a second column of times": "time since start, which counts rows or time",
     "numbered frames": "frame, which counts rows or time",
+    "numbered frames by another name": "Frame#, which counts rows or time",
+    "an index that was saved twice": "Unnamed: 0, which counts rows or time",
     "a column of text": "eyes, which is text",
     "marks of events": "event, which is text",
 }
@@ -131,7 +158,24 @@ def test_a_column_whose_first_cells_are_missing_is_no_text(word, tmp_path):
     assert np.isnan(series["ap"]).tolist() == [True] * 2 + [False] * (N - 2)
 
 
+LABELS = [(str(1 + 2 * i // N), *row) for i, row in enumerate(ROWS)]
 ASKED = {
+    "trials by number": (
+        table("session,ap [mm],ml [mm]", [(s, *row) for s, _, *row in LABELS]), "session is 1 in some rows and then 2"
+    ),
+    "trials by word": (
+        table("eyes,ap [mm],ml [mm]", [("open" if s == "1" else "closed", *row) for s, _, *row in LABELS]),
+        "eyes is 'open' in some rows and 'closed' in others; if it tells trials apart, call it 'trial'",
+    ),
+    "axes one below the other": (
+        table("axis,cop [mm]", [(axis, a) for a, m in zip(AP, ML, strict=True) for axis, a in (("ap", a), ("ml", m))]),
+        "axis is 'ap' in some rows and 'ml' in others",
+    ),
+    "trials by times": (
+        table(HEAD, [*ROWS[: N // 2], *ROWS[: N // 2]]), "times begin again in row 201, as of trials one below the"
+    ),
+    "seconds in another language": (table("Zeit [Sekunden],ap [mm],ml [mm]", ROWS), "times in 'Sekunden'; expected"),
+    "times that are empty": (table("t,ap [mm],ml [mm]", [("", *row[1:]) for row in ROWS]), "t has no values; fill it"),
     "numbers of rows as times": (table("time,ap [mm],ml [mm]", whole()), "time rises by 1 from row to row"),
     "milliseconds without a unit": (table("t,ap [mm],ml [mm]", whole(10)), r"name it 't \[s\]' or 't \[ms\]'"),
     "microseconds without a unit": (table("t,ap [mm],ml [mm]", whole(1e4)), "t rises by 10000 from row to row"),
@@ -172,6 +216,91 @@ def test_what_can_be_read_in_two_ways_is_asked_about(kind, tmp_path):
     rate = None if "times" in kind or "seconds" in kind else RATE
     with pytest.raises(DataError, match=words):
         read_series(tmp_path / "sway.csv", rate=rate)
+
+
+def test_what_changes_within_a_trial_that_has_a_label_is_asked_about_and_what_does_not_is_left_out(tmp_path):
+    rows = [(s, "open" if s == "1" else "closed", *row) for s, *row in LABELS]
+    (tmp_path / "sway.csv").write_text(table("trial,eyes," + HEAD, rows))
+    for one, half in zip(read_long_table(tmp_path / "sway.csv"), (slice(N // 2), slice(N // 2, N)), strict=True):
+        np.testing.assert_allclose(one.values[:, 0], AP[half])
+        assert one.facts["left out"] == "left out: eyes, which is text"
+    (tmp_path / "sway.csv").write_text(table("subject,eyes," + HEAD, [("S1", *row[1:]) for row in rows]))
+    with pytest.raises(DataError, match="eyes is 'open' in some rows"):
+        read_series(tmp_path / "sway.csv")
+    assert read_series(tmp_path / "sway.csv", columns=["ap"]).names == ("ap",)
+
+
+MARKERS = "Take Name,x\n\n,,Marker,Marker,Marker,Marker\n,,C7,C7,SACR,SACR\n,,Position,Position,Position,Position\n"
+BODIES = "Take Name,x\n\n,,B1,B1,B1,B2\n,,Rotation,Rotation,Position,Position\n"
+SAME = {
+    "a marker over its first column": (
+        "Trajectories\n100\n,,S:C7,,S:SACR,\nFrame,Sub Frame,X,Y,X,Y\n,,mm,mm,mm,mm\n",
+        ("S:C7.X", "S:C7.Y", "S:SACR.X", "S:SACR.Y"),
+    ),
+    "a marker over each column": (
+        f"{MARKERS}Frame,Time (Seconds),X,Y,X,Y\n", ("C7.X", "C7.Y", "SACR.X", "SACR.Y")
+    ),
+    "what no row alone tells apart": (
+        f"{BODIES}Frame,Time (Seconds),X,Y,X,X\n", ("B1.Rotation.X", "Y", "B1.Position.X", "B2.Position.X")
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", SAME)
+def test_names_that_stand_several_times_are_told_apart_by_those_above(kind, tmp_path):
+    """Markers are called X, Y, Z, each below the name of its marker; they were refused as of one name."""
+    head, names = SAME[kind]
+    count = [str(i) for i in range(N)]
+    clock = ["0"] * N if "Sub" in head else [f"{t:.2f}" for t in T]
+    text = head + table(None, list(zip(count, clock, AP, ML, ML + 1, AP + 1, strict=True)))
+    (tmp_path / "sway.csv").write_text(text)
+    series = read_series(tmp_path / "sway.csv", rate=RATE if "Sub" in head else None)
+    assert series.names == names
+    np.testing.assert_allclose(series.values, np.column_stack([AP, ML, ML + 1, AP + 1]), atol=1e-4)
+
+
+def test_columns_of_two_levels_are_told_apart_by_both(tmp_path):
+    levels = pd.MultiIndex.from_product([["C7", "SACR"], ["x", "y"]])
+    pd.DataFrame(np.column_stack([AP, ML, ML, AP]), columns=levels).to_csv(tmp_path / "sway.csv")
+    series = read_series(tmp_path / "sway.csv", rate=RATE)
+    assert series.names == ("C7.x", "C7.y", "SACR.x", "SACR.y")
+    np.testing.assert_array_equal(series["SACR.y"], AP)
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+@pytest.mark.parametrize("suffix", [".parquet", ".npz"])
+def test_numbers_as_text_are_no_labels_and_not_left_out(suffix, decimal, tmp_path):
+    """The other column was measured in their place, with a note."""
+    path = tmp_path / f"sway{suffix}"
+    words = [f"{a:.4f}".replace(".", decimal) for a in AP]
+    if suffix == ".npz":
+        np.savez(path, t=T, ap=np.array(words), ml=ML)
+    else:
+        pq.write_table(pa.table({"t": T, "ap": words, "ml": ML}), path)
+    with pytest.raises(DataError, match=f"ap: '{words[0]}' and others are numbers as text; save them as numbers"):
+        read_series(path)
+    assert read_series(path, columns=["ml"]).names == ("ml",)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_a_column_of_instants_or_durations_has_the_times_wherever_it_stands(named, tmp_path):
+    """pandas writes an index behind all columns; one without a name was taken for numbers of rows."""
+    begin = pd.date_range("2026-03-01", periods=N, freq="10ms", name="when" if named else None)
+    pd.DataFrame({"ap": AP}, index=begin).to_parquet(tmp_path / "sway.parquet")
+    series = read_series(tmp_path / "sway.parquet")
+    assert series.names == ("ap",)
+    assert np.diff(series.t) == pytest.approx(1 / RATE, rel=1e-4)
+    pd.DataFrame({"ap": AP}, index=T).to_parquet(tmp_path / "sway.parquet")
+    with pytest.raises(DataError, match=r"__index_level_0__ rises by 0\.01 in every row"):
+        read_series(tmp_path / "sway.parquet", rate=50.0)
+
+
+def test_text_of_other_codes_is_read_in_labels(tmp_path):
+    head = "Proband;Bedingung;Zeit [s];ap [mm];ml [mm]"
+    rows = [("P1", "geöffnet" if s == "1" else "zu", *row) for s, *row in LABELS]
+    (tmp_path / "sway.csv").write_bytes(table(head, rows, ";", ",").encode("cp1252"))
+    found = read_long_table(tmp_path / "sway.csv")
+    assert [one.facts["condition"] for one in found] == ["geöffnet", "zu"]
 
 
 def test_a_rate_overrules_times_of_an_unknown_unit_and_no_others(tmp_path):

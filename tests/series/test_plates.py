@@ -28,6 +28,7 @@ def step_on(t):
 @pytest.mark.parametrize(("cop", "force"), [
     ("COPx", "Fz"), ("ap", "Fz"), ("cop.x", "force.z"), ("plate1.cop.x", "plate1.force.z"), ("COPx1", "Fz1"),
     ("cop_ap", "F_z"), ("Center of pressure x", "vertical force"), ("ground_force_px", "ground_force_vy"),
+    ("Ax", "Fz"), ("Cx", "Fz"), ("P1 - CoP.Cx", "P1 - Force.Fz"),
 ])  # fmt: skip
 def test_before_somebody_steps_on_there_is_none_whatever_it_is_called(cop, force, tmp_path, shell):
     """The rows before were measured: 862 mm for 3.8, or 54.6 mm where an exporter writes zeros."""

@@ -15,7 +15,7 @@ SWAY = 5e-3 * np.sin(0.8 * T)  # m
 
 @pytest.mark.parametrize(("unit", "size"), [
     ("N m", 1.0), ("Nm", 1.0), ("N·m", 1.0), ("N*m", 1.0), ("N.m", 1.0), ("N cm", 100.0), ("Nmm", 1000.0),
-    ("N·mm", 1000.0), ("kN m", 1e-3), ("mNm", 1000.0),
+    ("N·mm", 1000.0), ("kN m", 1e-3), ("mNm", 1000.0), ("N-m", 1.0),
 ])  # fmt: skip
 def test_a_torque_in_any_unit_is_the_same_sway(tmp_path, shell, unit, size):
     """What a torque of 700 N times the sway is in this unit, is measured as that sway, from Python and from a file."""

@@ -55,26 +55,28 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
         {numeric.index(i): words for i, words in form.faults.items() if i in numeric},
     )  # fmt: skip
     chosen = [numeric[i] for i in choice.at]
+    others = [] if columns else [i for i in form.texts if i not in labels]
     file.seek(form.offset)
     ends = [(text.count(b"\n"), text.count(b"\r")) for text in iter(lambda: file.read(PART), b"")]
     # a blank line ends, too; rows may be fewer, not more
     data = choice.room(max(map(sum, zip(*ends, strict=True)), default=0) + 1)
     file.seek(form.offset)
-    count, cut, named = 0, "", [list[pa.Array]() for _ in labels]
+    count, cut, named = 0, "", [list[pa.Array]() for _ in (*labels, *others)]
     for text in _parts(file):
         if text.strip() and not text.endswith((b"\n", b"\r")) and form.ends_midway(text):
             cut = "left out: the last line, which ends midway"
             break
         form.refuse_thousands(text)
-        rows, cells = _read_rows(text, form, chosen, tuple(labels))
+        rows, cells = _read_rows(text, form, chosen, (*labels, *others))
         if count + len(rows) > len(data):  # lines ended in both ways
             raise DataError("mixed line endings; save the file with one kind of line ending")
         data[count : count + len(rows)] = rows
         count += len(rows)
         for known, more in zip(named, cells, strict=True):
             known += more.chunks
-    told = [(topic, pa.chunked_array(known, pa.string())) for topic, known in zip(labels.values(), named, strict=True)]
-    *before, last = choice.to_trials(data[:count], told)
+    names = (*labels.values(), *(headers[i] for i in others))
+    told = [(name, pa.chunked_array(known, pa.string())) for name, known in zip(names, named, strict=True)]
+    *before, last = choice.to_trials(data[:count], told[: len(labels)], told[len(labels) :])
     return (*before, replace(last, facts={**last.facts, "cut": cut}) if cut else last)
 
 

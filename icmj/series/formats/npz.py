@@ -30,7 +30,8 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
             raise DataError("names and units are not arrays of text")
         kept = {name: one for name, one in headers.items() if name not in ("names", "units", "facts")}
         labels = {list(kept)[at]: topic for at, topic in find_labels(list(kept), columns).items()}
-        cells = read_npz(path, _MOST_LABELS, tuple(labels)) if labels else {}
+        words = [name for name, (_, kind) in kept.items() if kind.kind in "US" and name not in labels and not columns]
+        cells = read_npz(path, _MOST_LABELS, (*labels, *words)) if labels or words else {}
         kept = {name: one for name, one in kept.items() if name not in labels}
         shapes = {name: shape for name, (shape, kind) in kept.items() if kind.kind in "fiu" and shape}
         several = [name for name, shape in shapes.items() if len(shape) == 2 and shape[1] > 1]
@@ -39,7 +40,7 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
         vectors = [name for name, shape in shapes.items() if shape[1:] in ((), (1,))]
         left = [f"{name}, which is no vector of numbers" for name in kept if name not in vectors]
         lengths = {headers[name][0][0] for name in vectors} | {
-            one.shape[0] if one.ndim == 1 else -1 for one in cells.values()
+            cells[name].shape[0] if cells[name].ndim == 1 else -1 for name in labels
         }
         if len(lengths) != 1:
             raise DataError("expected one-dimensional arrays of numbers, all of the same length")
@@ -54,8 +55,9 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
         raise
     except ValueError as error:
         raise DataError(str(error)) from error
-    marks = [(topic, pa.chunked_array([cells[name].astype(str)])) for name, topic in labels.items()]
-    return choice.to_trials(data, marks)
+    told = {name: pa.chunked_array([each.astype(str)]) for name, each in cells.items() if each.ndim == 1}
+    marks = [(topic, told[name]) for name, topic in labels.items()]
+    return choice.to_trials(data, marks, [(name, told[name]) for name in words if name in told])
 
 
 def write(series: Series, part: Path) -> None:

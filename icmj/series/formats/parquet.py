@@ -40,8 +40,13 @@ def read(path: Path, source: BinaryIO, columns: Sequence[str], rate: float | Non
             every = list(file.schema_arrow)
             settled = f"icmj.{SETTLED}".encode() in (file.schema_arrow.metadata or {})
             labels = find_labels([f.name for f in every], columns)
-            indexes = [i for i, f in enumerate(every) if _INDEX.fullmatch(f.name) and f.name not in columns]
+            indexes = [
+                i
+                for i, f in enumerate(every)
+                if _INDEX.fullmatch(f.name) and pa.types.is_integer(f.type) and f.name not in columns
+            ]
             good = [i for i, f in enumerate(every) if _holds_numbers(f.type) and i not in (*labels, *indexes)]
+            good.sort(key=lambda i: not pa.types.is_temporal(every[i].type))  # of the times, whatever they are called
             left = [
                 f"{f.name}, which is of type {f.type}"
                 for i, f in enumerate(every)
@@ -54,8 +59,9 @@ def read(path: Path, source: BinaryIO, columns: Sequence[str], rate: float | Non
             units = ["s" if pa.types.is_temporal(f.type) else unit for f, unit in zip(fields, units, strict=True)]
             choice = choose_columns([f.name for f in fields], units, columns, rate, left)
             names = [f.name for f in every]  # two may have one name
-            chosen = [(names[i], names[:i].count(names[i])) for i in (*(good[i] for i in choice.at), *labels)]
-            data, count, cells = choice.room(file.metadata.num_rows), 0, [list[pa.Array]() for _ in labels]
+            words = [i for i, f in enumerate(every) if _holds_text(f.type) and i not in labels and not columns]
+            chosen = [(names[i], names[:i].count(names[i])) for i in (*(good[i] for i in choice.at), *labels, *words)]
+            data, count, cells = choice.room(file.metadata.num_rows), 0, [list[pa.Array]() for _ in (*labels, *words)]
             for batch in file.iter_batches(ROWS, columns=list({name for name, _ in chosen}), use_threads=False):
                 found = [batch.column(batch.schema.get_all_field_indices(name)[which]) for name, which in chosen]
                 for i, column in enumerate(found[: len(choice.at)]):
@@ -65,11 +71,11 @@ def read(path: Path, source: BinaryIO, columns: Sequence[str], rate: float | Non
                 count += len(batch)
             told = [
                 (topic, pa.chunked_array(known, pa.string()))
-                for topic, known in zip(labels.values(), cells, strict=True)
+                for topic, known in zip((*labels.values(), *(names[i] for i in words)), cells, strict=True)
             ]
     except (pa.ArrowException, OSError, IndexError) as error:
         raise DataError(f"not a Parquet file that can be read ({one_line(error, 160)})") from error
-    trials = choice.to_trials(data[:count], told)
+    trials = choice.to_trials(data[:count], told[: len(labels)], told[len(labels) :])
     return tuple(replace(one, facts={**one.facts, SETTLED: ""}) for one in trials) if settled else trials
 
 
@@ -80,6 +86,13 @@ def _holds_numbers(kind: pa.DataType) -> bool:
         kinds.is_floating(kind) or kinds.is_integer(kind) or kinds.is_decimal(kind) or kinds.is_timestamp(kind)
         or kinds.is_duration(kind)
     )  # fmt: skip
+
+
+def _holds_text(kind: pa.DataType) -> bool:
+    import pyarrow.types as kinds
+
+    kind = kind.value_type if kinds.is_dictionary(kind) else kind
+    return bool(kinds.is_string(kind) or kinds.is_large_string(kind))
 
 
 def _to_numbers(column: pa.Array) -> Array:
