@@ -233,8 +233,11 @@ def mutant_series(rng: random.Random, folder: Path) -> list[str]:
     path = path.with_suffix(f".{kind}")
     known = ("ap", "ml", "t", "", "x [m]", "weight", "\u03b6", "a,b")
     names = tuple(rng.sample(known, y.shape[1]) if rng.random() < 0.9 else rng.choices(known, k=y.shape[1]))
+    long = rng.random() < 0.3
     try:
         icmj.write_series(icmj.Series(t, y, names, ("m",) * len(names)), path)
+        if long:
+            _write_long_table(rng, t, y, names, path)
     except icmj.IcmjError:  # it is no series; a table all the same
         kind, path = "csv", folder / "sway.csv"
         cells = (",".join(map(repr, row)) for row in np.column_stack([t, y]).tolist())
@@ -252,6 +255,33 @@ def mutant_series(rng: random.Random, folder: Path) -> list[str]:
             values = (*names, "y") if option == "--columns" else numbers
             command += [option, *(rng.choice(values) for _ in range(count))]
     return command
+
+
+def _write_long_table(rng: random.Random, t: np.ndarray, y: np.ndarray, names: Sequence[str], path: Path) -> None:
+    """Trials one below the other, with one or several columns of labels, some damaged or of other names."""
+    import pandas as pd
+
+    table = pd.DataFrame(dict(zip([f"{name} [m]" for name in names], y.T, strict=True)))
+    if rng.random() < 0.8:
+        table.insert(0, "t [s]", t)
+    table = pd.concat([table] * (trials := rng.choice((1, 2, 2, 3, 40))), ignore_index=True)
+    number = np.repeat(np.arange(trials), len(t))
+    words = {"trial": number + 1, "subject": number // 2, "condition": np.array(["open", "closed"])[number % 2]}
+    others = {"session": number, "eyes": np.array(["open", "closed", ""])[number % 3], "Trial No": number / 1.0}
+    labels = words if rng.random() < 0.7 else {**words, **others}
+    for name in rng.sample(sorted(labels), rng.choice((1, 1, 2, 3))):
+        table.insert(rng.randrange(table.shape[1] + 1), name, labels[name])
+        if rng.random() < 0.1 and len(table):
+            table.loc[rng.randrange(len(table)), name] = rng.choice((0, 9, 10**9))
+    if rng.random() < 0.2:
+        table = table.sample(frac=1.0, random_state=rng.randrange(2**32))
+    if path.suffix == ".csv":
+        table.to_csv(path, index=rng.random() < 0.3)
+    elif path.suffix == ".parquet":
+        table.astype(rng.choice(({}, dict.fromkeys(set(labels) & set(table), "string")))).to_parquet(path)
+    else:
+        text = [name for name in table if table[name].dtype.kind not in "fiu"]
+        np.savez(path, **{name: table[name].to_numpy(str if name in text else None) for name in table})
 
 
 def _mutate_cells(rng: random.Random, content: bytes) -> bytes:
