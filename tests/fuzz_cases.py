@@ -272,7 +272,8 @@ def _write_long_table(rng: random.Random, t: np.ndarray, y: np.ndarray, names: S
     for name in rng.sample(sorted(labels), rng.choice((1, 1, 2, 3))):
         table.insert(rng.randrange(table.shape[1] + 1), name, labels[name])
         if rng.random() < 0.1 and len(table):
-            table.loc[rng.randrange(len(table)), name] = rng.choice((0, 9, 10**9))
+            odd = rng.choice((0, 9, 10**9))
+            table.loc[rng.randrange(len(table)), name] = odd if table[name].dtype.kind in "if" else str(odd)
     if rng.random() < 0.2:
         table = table.sample(frac=1.0, random_state=rng.randrange(2**32))
     if path.suffix == ".csv":

@@ -130,7 +130,7 @@ class Columns:
         for i, name in enumerate(self.names):
             rises = _rises(data[:, i])
             timed = rises and (_is_time(name) or self.units[i].lower() in SECONDS)
-            if _counts(name) or (self.clock and (timed or _numbers_rows(data[:, i]))):
+            if _counts(name) or (self.clock and (timed or (not self.units[i] and _numbers_rows(data[:, i])))):
                 left.append(f"{name}, which counts rows or time")
             elif rises == "evenly" and not self.clock:
                 step = float(data[1, i] - data[0, i])

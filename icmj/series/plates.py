@@ -41,6 +41,11 @@ def find_loads(names: Sequence[str], units: Sequence[str]) -> dict[int, tuple[in
     return found
 
 
+def is_centre(name: str) -> bool:
+    """Whether it is the name of a coordinate of a centre of pressure."""
+    return _plate(_CENTRE, name) is not None
+
+
 def leave_out_unloaded(series: Series, loads: Mapping[str, Sequence[str]]) -> Series:
     """Without the centre of pressure in rows whose vertical force is below :data:`icmj.series.c3d_reader.LEAST_LOAD`.
 

@@ -298,9 +298,9 @@ def test_so_does_a_file_of_matrices(entry: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("value", ["true", "2020-01-01", "text"])
 def test_so_does_a_recording(value: str, tmp_path: Path) -> None:
     """A column of anything else is none of numbers, and one that is asked for says so."""
-    rows = "".join(f"{i / 100},{i},{value}\n" for i in range(20))
+    rows = "".join(f"{i / 100},{i % 7},{value}\n" for i in range(20))
     (tmp_path / "a.csv").write_text(f"t,y,flag\n{rows}", encoding="utf-8")
     assert icmj.read_series(tmp_path / "a.csv").names == ("y",)
-    (tmp_path / "b.csv").write_text("t,y\n" + "".join(f"{i / 100},{i}\n" for i in range(20)) + f"0.2,{value}\n")
+    (tmp_path / "b.csv").write_text("t,y\n" + "".join(f"{i / 100},{i % 7}\n" for i in range(20)) + f"0.2,{value}\n")
     with pytest.raises(icmj.errors.DataError):
         icmj.read_series(tmp_path / "b.csv")

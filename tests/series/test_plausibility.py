@@ -59,6 +59,26 @@ def test_sway_and_torques_beyond_a_person_s_are_told_in_any_unit(unit, size, wor
     assert (said == "") if not words else (words in said)
 
 
+def drifting(size):
+    standing = sway(60)
+    return Series(standing.t, standing.values + np.linspace(0, size, len(standing))[:, None], ("ap",), ("mm",))
+
+
+@pytest.mark.parametrize(("series", "words"), [
+    (sway(60, size=0.4), "ap: an RMS of 0.4 mm in 60 s, and those who stand quietly have 1 to 20 mm"),
+    (sway(60, size=45.0), "ap: an RMS of 45 mm in 60 s"), (drifting(200.0), "ap: an RMS of 5"),
+    (sway(60, size=4.5, unit="cm"), "ap: an RMS of 45 mm in 60 s"), (sway(20, size=0.3), "ap: an RMS of 0.3 mm"),
+    (sway(60, size=1.1), ""), (sway(60, size=25.0), ""), (sway(10, size=0.3), ""), (sway(20, size=0.5), ""),
+    (drifting(50.0), ""), (sway(60, size=0.4, unit=""), ""), (sway(60, size=0.4, unit="deg"), ""),
+    (Series(sway().t, 0.1 * sway().values, ("C7.x",), ("mm",)), ""), (sway(60, size=0.0), ""),
+])  # fmt: skip
+def test_a_centre_of_pressure_in_a_wrong_unit_or_with_a_drift_is_told(series, words):
+    """Centimetres that are called millimetres, and a drift of 0.2 m, were measured without a word."""
+    said = told(Series(series.t, np.nan_to_num(series.values), series.names, series.units))
+    assert said.startswith(words)
+    assert bool(said) == bool(words)
+
+
 def test_it_is_told_of_recordings_of_an_experiment_too(tmp_path):
     (tmp_path / "s.toml").write_text(STANDING)
     icmj.write_series(sway(size=0.4, unit="m"), tmp_path / "far.csv")
@@ -147,7 +167,7 @@ def test_sway_control_that_jumps_often_steps_of_a_stimulus_and_what_an_event_res
     for seed in range(5):
         draw = np.random.default_rng(seed)
         for x in (np.cumsum(draw.standard_normal(len(t))) / np.sqrt(rate), draw.standard_normal(len(t))):
-            assert told(Series(t, x[:, None], ("ap",), ("mm",))) == ""
+            assert told(Series(t, 4 * x[:, None], ("ap",), ("mm",))) == ""
     often, rarely = np.sin(t) + 5 * (np.floor(t) % 2), np.where(t < 30, 0.0, 5.0)
     assert told(Series(t, np.column_stack([often, rarely]), ("ap", "stimulus"), ("mm", "deg"))) == ""
     events = np.floor(t / 12)

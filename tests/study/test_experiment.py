@@ -220,7 +220,11 @@ def recording(columns, rows=6000, of=None):
         "u: has no unit|response: has no unit",
     ),
     ("double-step", recording(STEPS, of=lambda t: (t > 5) & (t < 5.3)), "1 pairs of steps; expected at least 4"),
-    ("double-step", recording(STEPS | {"target": ""}, of=lambda t: (t > 5) & (t < 5.3)), "target: has no unit"),
+    (
+        "double-step",
+        recording(STEPS | {"target": ""}, of=lambda t: (t > 5) & (t < 5.3)),
+        "target is 0 in some rows and then 1; .* or give it a unit",
+    ),
     ("double-step-joystick", recording(STEPS), "moves from row to row"),
     ("double-step-head", recording({"target": "m"}), "no column 'control'"),
     ("double-step-head", recording(STEPS, rows=300, of=lambda t: 0 * t), "never moves"),
