@@ -17,10 +17,11 @@ from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.series.even_rows import step_of
-from icmj.series.long_table import refuse_unknown_labels, refuse_unknown_numbers, split_rows
+from icmj.series.long_table import find_labels, split_rows
 from icmj.series.plates import find_loads, leave_out_unloaded
 from icmj.series.series import COUNTER, Series, expect_names_differ, place
 from icmj.series.units import SECONDS
+from icmj.series.unlabelled import refuse_second_trial, refuse_unknown_labels, refuse_unknown_numbers
 
 MOST_NUMBERS = 12_000_000  # that are read, times among them; measuring them takes a gigabyte and a half
 TIMES = ("t", "time", "times", "timestamp", "seconds", "x_value")  # the last of LabVIEW
@@ -82,39 +83,33 @@ class Columns:
             )
         return np.empty((rows, len(self.at)))
 
-    def to_trials(
-        self, data: Array, labels: Sequence[tuple[str, Any]] = (), texts: Sequence[tuple[str, Any]] = ()
-    ) -> tuple[Series, ...]:
+    def to_trials(self, data: Array, told: Sequence[tuple[str, Any]] = ()) -> tuple[Series, ...]:
         """The series of each trial from the data that were read; without labels there is one.
 
         Args:
             data: shape (N, columns).
-            labels: topic and cells of the columns that label rows (:mod:`icmj.series.long_table`).
-            texts: name and cells of other columns of text.
+            told: names and cells of the columns of labels (:mod:`icmj.series.long_table`) and of other text.
 
         Raises:
             DataError: if times do not rise, their unit has to be said, a row has no label, or another column may be one
                 of labels.
         """
+        topics = find_labels([name for name, _ in told])
+        labels = [(topics[i], cells) for i, (_, cells) in enumerate(told) if i in topics]
         if self.clock or labels:  # rows that exporters leave empty at the end are none
             known = np.flatnonzero(~np.isnan(data).all(axis=1))
             data = data[: known[-1] + 1 if len(known) else 0]
-        again = np.flatnonzero(np.diff(data[:, 0]) < 0) if self.clock and not labels else np.empty(0, int)
-        if len(again) and again[0] > 1 and data[again[0] + 1, 0] <= data[1, 0]:
-            raise DataError(
-                f"times begin again in row {again[0] + 2}, as of trials one below the other; call what tells these "
-                "apart 'trial', 'condition' or 'person'"
-            )
-        split = split_rows(labels, len(data)) if labels else [({}, np.arange(len(data)))]
-        refuse_unknown_labels(texts, [rows for _, rows in split])
+        if self.clock and not labels:
+            refuse_second_trial(data[:, 0])
+        split = split_rows(labels, len(data))
+        refuse_unknown_labels([one for i, one in enumerate(told) if i not in topics], [rows for _, rows in split])
         found = []
         for named, rows in split:
             try:
-                series = self._to_series(data[rows] if labels else data)
+                series = self._to_series(data[rows])
             except DataError as error:
-                if not labels:
-                    raise
-                raise DataError(f"{', '.join(f'{topic} {word}' for topic, word in named.items())}: {error}") from error
+                words = (f"{topic} {word}" for topic, word in named.items())
+                raise DataError(": ".join(filter(None, (", ".join(words), str(error))))) from error
             found.append(replace(series, facts={**named, **series.facts}))
         return tuple(found)
 
@@ -130,7 +125,8 @@ class Columns:
         for i, name in enumerate(self.names):
             rises = _rises(data[:, i])
             timed = rises and (_is_time(name) or self.units[i].lower() in SECONDS)
-            if _counts(name) or (self.clock and (timed or (not self.units[i] and _numbers_rows(data[:, i])))):
+            counted = rises == "evenly" and not self.units[i] and bool((data[:, i] == np.rint(data[:, i])).all())
+            if _counts(name) or (self.clock and (timed or counted)):
                 left.append(f"{name}, which counts rows or time")
             elif rises == "evenly" and not self.clock:
                 step = float(data[1, i] - data[0, i])
@@ -234,11 +230,6 @@ def _find_clock(names: Sequence[str], units: Sequence[str]) -> int | None:
 
 def _counts(name: str) -> bool:
     return re.sub(r"[\W_]+", " ", name.lower()).strip() in COUNTS
-
-
-def _numbers_rows(values: Array) -> bool:
-    """Whether they are whole numbers, each one more than that before, as no signal is."""
-    return len(values) > 2 and bool((np.diff(values) == 1).all() and values[0] == np.rint(values[0]))
 
 
 def _is_time(name: str) -> bool:

@@ -390,6 +390,8 @@ def _tell_apart(names: tuple[str, ...], above: Sequence[_Line], run: _Run) -> tu
         cells = _fields(upper, run.delimiter) if upper.number == lower.number - 1 else ()
         if not 1 < len(cells) <= run.width:
             break
+        if any(_is_number(cell, run.decimal) for cell in cells):
+            continue
         layers.append([])
         for cell in (*cells, *[""] * (run.width - len(cells))):
             layers[-1].append(cell or "".join(layers[-1][-1:]))  # that over the column before

@@ -22,9 +22,7 @@ TOPICS = {
 }
 """What a column of labels names, and its first words; the facts of a series have its labels by these topics."""
 MOST = 10_000  # trials in a table
-SHORTEST = 100  # rows of a trial, fewer than which a number may stand in that is none of a trial; ours
-_ASK = "if it tells trials apart, call it 'trial', 'condition' or 'person'; else name the columns to read"
-_NUMBER = re.compile(r"[-+−]?\d*[.,]?\d+([eE][-+]?\d+)?")
+Rows = NDArray[np.intp] | slice
 _ENDS = {"", "id", "no", "nr", "name", "number", "code", "label"}  # words that may follow
 
 
@@ -39,8 +37,10 @@ def find_labels(headers: Sequence[str], asked: Sequence[str] = ()) -> dict[int, 
     return found
 
 
-def split_rows(labels: Sequence[tuple[str, Any]], rows: int) -> list[tuple[dict[str, str], NDArray[np.intp]]]:
+def split_rows(labels: Sequence[tuple[str, Any]], rows: int) -> list[tuple[dict[str, str], Rows]]:
     """The labels and the rows of each trial, in the order in which trials begin; their rows may alternate.
+
+    Without labels there is one, of all rows.
 
     Args:
         labels: the topic and the cells of each column of labels, pyarrow arrays of text.
@@ -49,6 +49,8 @@ def split_rows(labels: Sequence[tuple[str, Any]], rows: int) -> list[tuple[dict[
     Raises:
         DataError: if a row has no label, or there are more than :data:`MOST` trials.
     """
+    if not labels:
+        return [({}, slice(rows))]
     codes = np.zeros(rows, dtype=np.intp)
     for topic, cells in labels:
         coded = cells.slice(0, rows).combine_chunks().dictionary_encode()
@@ -60,7 +62,7 @@ def split_rows(labels: Sequence[tuple[str, Any]], rows: int) -> list[tuple[dict[
         raise DataError(f"more than {MOST} trials one below the other; cut it into parts")
     order = np.argsort(codes, kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(codes[order])) + 1)
-    found = []
+    found: list[tuple[dict[str, str], Rows]] = []
     for part in sorted(parts, key=lambda part: int(part[0]) if len(part) else 0):
         named: dict[str, str] = {}
         for topic, cells in labels if len(part) else ():
@@ -68,43 +70,6 @@ def split_rows(labels: Sequence[tuple[str, Any]], rows: int) -> list[tuple[dict[
             named[topic] = f"{named[topic]}, {word}" if topic in named else word
         found.append((named, part))
     return found
-
-
-def refuse_unknown_labels(texts: Sequence[tuple[str, Any]], trials: Sequence[NDArray[np.intp]]) -> None:
-    """See that no column of text changes within a trial as labels do, and that none has numbers.
-
-    Marks, which most rows have none of, and what differs from row to row, such as the time of the day, are no labels.
-
-    Args:
-        texts: name and cells of each column of text that has no topic, pyarrow arrays of text.
-        trials: the rows of each trial.
-
-    Raises:
-        DataError: if one does, as its trials would be taken for one.
-    """
-    for name, cells in texts:
-        coded = cells.combine_chunks().dictionary_encode()
-        words = [str(word).strip() for word in coded.dictionary.to_pylist()]
-        if words and all(_NUMBER.fullmatch(word) for word in words[:100]) and len(words) > 1:
-            raise DataError(f"{name}: {one_line(words[0], 40)!r} and others are numbers as text; save them as numbers")
-        codes = coded.indices.fill_null(-1).to_numpy(zero_copy_only=False)
-        for rows in trials:
-            own = codes[rows[rows < len(codes)]]
-            if len(found := np.unique(own)) > 1 and found[0] >= 0 and all(words) and 2 * len(found) <= len(own):
-                first, second = (one_line(words[one], 40) for one in found[:2])
-                raise DataError(f"{name} is {first!r} in some rows and {second!r} in others; {_ASK}")
-
-
-def refuse_unknown_numbers(name: str, values: NDArray[np.float64]) -> None:
-    """See that a column of numbers without a unit does not number trials.
-
-    Raises:
-        DataError: if its numbers are whole, and each stands in many rows one below the other.
-    """
-    steps = np.flatnonzero(np.diff(values))
-    if len(steps) and len(steps) * SHORTEST < len(values) and (values == np.rint(values)).all():
-        first, second = values[steps[0]], values[steps[0] + 1]
-        raise DataError(f"{name} is {first:g} in some rows and then {second:g}; {_ASK}, or give it a unit")
 
 
 def label_of(series: Series, topics: Sequence[str] = tuple(TOPICS)) -> str:

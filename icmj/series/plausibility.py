@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.series.columns import LONGEST_STEP, SHORTEST_STEP
 from icmj.series.plates import is_centre
 from icmj.series.series import Series
 from icmj.series.units import QUANTITIES, canonicalise
@@ -52,6 +53,9 @@ def note_oddities(series: Series) -> Series:
         for each in words:
             said.setdefault(each, []).append(name)
     told = [series.facts["odd"]] if "odd" in series.facts else []  # by who read it
+    step = float(np.median(np.diff(series.t))) if len(series) > 1 else LONGEST_STEP
+    if not SHORTEST_STEP <= step <= LONGEST_STEP:
+        told.append(f"rows are {step:.3g} s apart, and those of people hardly ever; are the times in this unit?")
     told += [f"{', '.join(names)}: {words}" for words, names in said.items()]
     return replace(series, facts={**series.facts, "odd": "; ".join(told)}) if told else series
 

@@ -49,6 +49,9 @@ READ = {
     "typographic minus": table(HEAD, ROWS).replace("-", "−"),
     "exponents with D": table(HEAD, [tuple(f"{v:.6e}".replace("e", "D") for v in row) for row in ROWS]),
     "a row of units": table("time,ap,ml\nms,mm,mm", whole(10)),
+    "numbers of packets": table(
+        "t [s],packet,ap [mm],ml [mm]", [(t, str(7 + 10 * i), *row) for i, (t, *row) in enumerate(ROWS)]
+    ),
     "a row of units in brackets": table("time,ap,ml\n[s],[mm],[mm]", ROWS),
     "keys before it": "age: 23\nmass: 71.2\nheight: 1.8\n\n" + table(HEAD, ROWS),
     "keys in its form before it": "Subject,1\nRate,100\n" + table(HEAD, ROWS),
@@ -111,6 +114,7 @@ LEFT = {
     "a second column of times": "time since start, which counts rows or time",
     "numbered frames": "frame, which counts rows or time",
     "numbered frames by another name": "Frame#, which counts rows or time",
+    "numbers of packets": "packet, which counts rows or time",
     "an index that was saved twice": "Unnamed: 0, which counts rows or time",
     "a column of text": "eyes, which is text",
     "marks of events": "event, which is text",
@@ -191,8 +195,9 @@ ASKED = {
         "'.* cm' is not in mm, as the cells above it are",
     ),
     "numbers with another unit than their name": (
-        table("t [s],ap [cm]", [(t, f"{a:.2f} mm") for t, a, _ in ROWS]), "cm in its name or below it, and mm behind"
+        table("t [s],ap [cm]", [(t, f"{a:.2f} mm") for t, a, _ in ROWS]), "cm in its name and mm behind its numbers"
     ),
+    "a row of other units": (table(f"{HEAD}\ns,cm,mm", ROWS), r"ap \[mm\]: mm in its name and cm below it; correct"),
     "a word among numbers": (
         table(HEAD, [(t, "gap" if i == 3 else a, m) for i, (t, a, m) in enumerate(ROWS)]), "ap: 'gap' is no number"
     ),
@@ -231,6 +236,7 @@ def test_what_changes_within_a_trial_that_has_a_label_is_asked_about_and_what_do
 
 
 MARKERS = "Take Name,x\n\n,,Marker,Marker,Marker,Marker\n,,C7,C7,SACR,SACR\n,,Position,Position,Position,Position\n"
+KEYS = "Rate,100,Hz\nt [s],COPx [mm],COPx [mm]\n"
 BODIES = "Take Name,x\n\n,,B1,B1,B1,B2\n,,Rotation,Rotation,Position,Position\n"
 SAME = {
     "a marker over its first column": (
@@ -257,6 +263,12 @@ def test_names_that_stand_several_times_are_told_apart_by_those_above(kind, tmp_
     series = read_series(tmp_path / "sway.csv", rate=RATE if "Sub" in head else None)
     assert series.names == names
     np.testing.assert_allclose(series.values, np.column_stack([AP, ML, ML + 1, AP + 1]), atol=1e-4)
+
+
+def test_keys_above_names_that_repeat_tell_nothing_apart(tmp_path):
+    (tmp_path / "sway.csv").write_text(table(KEYS.strip(), ROWS))
+    with pytest.raises(DataError, match="several signals are called COPx"):
+        read_series(tmp_path / "sway.csv")
 
 
 def test_columns_of_two_levels_are_told_apart_by_both(tmp_path):

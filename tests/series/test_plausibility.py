@@ -64,6 +64,14 @@ def drifting(size):
     return Series(standing.t, standing.values + np.linspace(0, size, len(standing))[:, None], ("ap",), ("mm",))
 
 
+@pytest.mark.parametrize(("factor", "said"), [(1e-3, "1e-05 s"), (1.0, ""), (0.04, ""), (25.0, ""), (1e3, "10 s")])
+def test_times_in_another_unit_than_theirs_are_told(factor, said):
+    """Milliseconds that are called seconds made speeds a thousandth."""
+    standing = sway()
+    words = told(Series(factor * standing.t, standing.values, ("y",), ("mm",)))
+    assert words == (said and f"rows are {said} apart, and those of people hardly ever; are the times in this unit?")
+
+
 @pytest.mark.parametrize(("series", "words"), [
     (sway(60, size=0.4), "ap: an RMS of 0.4 mm in 60 s, and those who stand quietly have 1 to 20 mm"),
     (sway(60, size=45.0), "ap: an RMS of 45 mm in 60 s"), (drifting(200.0), "ap: an RMS of 5"),

@@ -55,36 +55,37 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
         {numeric.index(i): words for i, words in form.faults.items() if i in numeric},
     )  # fmt: skip
     chosen = [numeric[i] for i in choice.at]
-    others = [] if columns else [i for i in form.texts if i not in labels]
+    texts = [*labels, *(i for i in form.texts if i not in labels and not columns)]
     file.seek(form.offset)
     ends = [(text.count(b"\n"), text.count(b"\r")) for text in iter(lambda: file.read(PART), b"")]
     # a blank line ends, too; rows may be fewer, not more
     data = choice.room(max(map(sum, zip(*ends, strict=True)), default=0) + 1)
     file.seek(form.offset)
-    count, cut, named = 0, "", [list[pa.Array]() for _ in (*labels, *others)]
+    count, cut, named = 0, "", [list[pa.Array]() for _ in texts]
     for text in _parts(file):
         if text.strip() and not text.endswith((b"\n", b"\r")) and form.ends_midway(text):
             cut = "left out: the last line, which ends midway"
             break
         form.refuse_thousands(text)
-        rows, cells = _read_rows(text, form, chosen, (*labels, *others))
+        rows, found = _read_rows(text, form, chosen, texts)
         if count + len(rows) > len(data):  # lines ended in both ways
             raise DataError("mixed line endings; save the file with one kind of line ending")
         data[count : count + len(rows)] = rows
         count += len(rows)
-        for known, more in zip(named, cells, strict=True):
+        for known, more in zip(named, found, strict=True):
             known += more.chunks
-    names = (*labels.values(), *(headers[i] for i in others))
-    told = [(name, pa.chunked_array(known, pa.string())) for name, known in zip(names, named, strict=True)]
-    *before, last = choice.to_trials(data[:count], told[: len(labels)], told[len(labels) :])
+    cells = [pa.chunked_array(known, pa.string()) for known in named]
+    *before, last = choice.to_trials(data[:count], list(zip((headers[i] for i in texts), cells, strict=True)))
     return (*before, replace(last, facts={**last.facts, "cut": cut}) if cut else last)
 
 
 def _one_unit(header: str, below: str, behind: str) -> str:
-    """The unit of a column beside that in brackets in its name: of a row of units, or behind its numbers."""
-    said = below or name_and_unit(header)[1]
-    if behind and said and canonicalise(behind) != canonicalise(said):
-        raise DataError(f"{header}: {said} in its name or below it, and {behind} behind its numbers; correct one")
+    """The unit of a column: of those in brackets in its name, in a row of units, or behind its numbers."""
+    said = {"in its name": name_and_unit(header)[1], "below it": below, "behind its numbers": behind}
+    stated = {where: unit for where, unit in said.items() if unit}
+    if len({canonicalise(unit) for unit in stated.values()}) > 1:
+        words = " and ".join(f"{unit} {where}" for where, unit in stated.items())
+        raise DataError(f"{header}: {words}; correct one")
     return below or behind
 
 

@@ -29,9 +29,9 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
         if any(texts.dtype.kind not in "US" for texts in told.values()):
             raise DataError("names and units are not arrays of text")
         kept = {name: one for name, one in headers.items() if name not in ("names", "units", "facts")}
-        labels = {list(kept)[at]: topic for at, topic in find_labels(list(kept), columns).items()}
-        words = [name for name, (_, kind) in kept.items() if kind.kind in "US" and name not in labels and not columns]
-        cells = read_npz(path, _MOST_LABELS, (*labels, *words)) if labels or words else {}
+        labels = {list(kept)[at] for at in find_labels(list(kept), columns)}
+        texts = [name for name, (_, kind) in kept.items() if name in labels or (kind.kind in "US" and not columns)]
+        cells = read_npz(path, _MOST_LABELS, tuple(texts)) if texts else {}
         kept = {name: one for name, one in kept.items() if name not in labels}
         shapes = {name: shape for name, (shape, kind) in kept.items() if kind.kind in "fiu" and shape}
         several = [name for name, shape in shapes.items() if len(shape) == 2 and shape[1] > 1]
@@ -44,8 +44,8 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
         }
         if len(lengths) != 1:
             raise DataError("expected one-dimensional arrays of numbers, all of the same length")
-        names, texts = (told.get(key, np.zeros(0, str)).astype(str).ravel().tolist() for key in ("names", "units"))
-        known = dict(zip(names, texts, strict=False))
+        names, own = (told.get(key, np.zeros(0, str)).astype(str).ravel().tolist() for key in ("names", "units"))
+        known = dict(zip(names, own, strict=False))
         choice = choose_columns(vectors, [known.get(name, "") for name in vectors], columns, rate, left)
         data = choice.room(lengths.pop())
         chosen = [vectors[i] for i in choice.at]
@@ -55,9 +55,8 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
         raise
     except ValueError as error:
         raise DataError(str(error)) from error
-    told = {name: pa.chunked_array([each.astype(str)]) for name, each in cells.items() if each.ndim == 1}
-    marks = [(topic, told[name]) for name, topic in labels.items()]
-    return choice.to_trials(data, marks, [(name, told[name]) for name in words if name in told])
+    alike = [(name, each.astype(str)) for name, each in cells.items() if each.shape == (len(data),)]
+    return choice.to_trials(data, [(name, pa.chunked_array([each])) for name, each in alike])
 
 
 def write(series: Series, part: Path) -> None:

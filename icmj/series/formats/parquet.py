@@ -59,9 +59,9 @@ def read(path: Path, source: BinaryIO, columns: Sequence[str], rate: float | Non
             units = ["s" if pa.types.is_temporal(f.type) else unit for f, unit in zip(fields, units, strict=True)]
             choice = choose_columns([f.name for f in fields], units, columns, rate, left)
             names = [f.name for f in every]  # two may have one name
-            words = [i for i, f in enumerate(every) if _holds_text(f.type) and i not in labels and not columns]
-            chosen = [(names[i], names[:i].count(names[i])) for i in (*(good[i] for i in choice.at), *labels, *words)]
-            data, count, cells = choice.room(file.metadata.num_rows), 0, [list[pa.Array]() for _ in (*labels, *words)]
+            texts = [i for i, f in enumerate(every) if i in labels or (_holds_text(f.type) and not columns)]
+            chosen = [(names[i], names[:i].count(names[i])) for i in (*(good[i] for i in choice.at), *texts)]
+            data, count, cells = choice.room(file.metadata.num_rows), 0, [list[pa.Array]() for _ in texts]
             for batch in file.iter_batches(ROWS, columns=list({name for name, _ in chosen}), use_threads=False):
                 found = [batch.column(batch.schema.get_all_field_indices(name)[which]) for name, which in chosen]
                 for i, column in enumerate(found[: len(choice.at)]):
@@ -69,13 +69,10 @@ def read(path: Path, source: BinaryIO, columns: Sequence[str], rate: float | Non
                 for known, column in zip(cells, found[len(choice.at) :], strict=True):
                     known.append(column.cast(pa.string()))
                 count += len(batch)
-            told = [
-                (topic, pa.chunked_array(known, pa.string()))
-                for topic, known in zip((*labels.values(), *(names[i] for i in words)), cells, strict=True)
-            ]
+            told = [(names[i], pa.chunked_array(known, pa.string())) for i, known in zip(texts, cells, strict=True)]
     except (pa.ArrowException, OSError, IndexError) as error:
         raise DataError(f"not a Parquet file that can be read ({one_line(error, 160)})") from error
-    trials = choice.to_trials(data[:count], told[: len(labels)], told[len(labels) :])
+    trials = choice.to_trials(data[:count], told)
     return tuple(replace(one, facts={**one.facts, SETTLED: ""}) for one in trials) if settled else trials
 
 
