@@ -42,7 +42,7 @@ def forces() -> Series:
 
 
 def sway() -> Series:
-    return Series(np.arange(4000) / 100, wander(2, 4000, 2), ("ap", "ml"), ("m", "m"))
+    return Series(np.arange(4000) / 100, 0.1 * wander(2, 4000, 2), ("ap", "ml"), ("m", "m"))
 
 
 def answered(period: float, lines: np.ndarray, response: np.ndarray, periods: int, units: tuple[str, str]) -> Series:
