@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +25,7 @@ from icmj.case.iosystem import AnyPlant
 from icmj.case.noise import refuse_beyond_theory, small_noise
 from icmj.case.notices import doubt_setpoint, doubts, reach, slow_noise
 from icmj.case.plants import actual_plant, assumed_plant, linear_plant
-from icmj.controller.controller import Controller, has_trigger
+from icmj.controller.controller import Controller, expect_intermittent
 from icmj.controller.law import Law
 from icmj.controller.setpoint import Setpoint
 from icmj.controller.trigger import EventRule, Trigger
@@ -234,7 +234,7 @@ def expect_theory(case: Case, what: str) -> Theory:
 def expect_rule(case: Case, what: str) -> Controller:
     """The controller of a case that has an event rule; raises as :func:`expect_theory`."""
     expect_theory(case, what)
-    return cast(Controller, case.controller)
+    return expect_intermittent(case.controller)
 
 
 @limit_to_one_thread()
@@ -260,13 +260,15 @@ def prepare(run: RunFile, *, like: Case | None = None, progress: Callable[[float
     check_names(run, assumed.linearisation.plant, actual)
     notices = permit(doubts(run, assumed, actual), run.analysis.allow, str(run.path))
     try:
-        of = known.controller if known and known.run.design == run.design else None
-        design = of.design if of is not None and has_trigger(of) else None
+        theory = known.theory if known and known.run.design == run.design else None
+        design = theory.system.design if theory else None
         controller, settings = controller_of(run, assumed.linearisation.plant, design), run.simulation.settings()
-        if not run.has_events or not has_trigger(controller):
+        rule = controller.event_rule if run.has_events else None
+        if rule is None:
             expect_held(controller, settings)
             return Case(run, assumed, actual, controller, settings, told=notices)
-        design, rule = controller.design, cast(EventRule, controller.trigger)
+        controller = expect_intermittent(controller)
+        design = controller.design
         system = error_system(
             actual.linearisation.plant, design, controller.hold, delay=controller.delay, match="position"
         )
@@ -423,8 +425,8 @@ def open_loop(
         RunFileError: if it has no events from which an interval could begin.
     """
     expect_theory(case, "open_loop")
-    there, controller, settings = _parts(case, plant, trigger, duration, refinement)
-    assert has_trigger(controller)
+    there, law, settings = _parts(case, plant, trigger, duration, refinement)
+    controller = expect_intermittent(law)
     if plant == "linear":
         from icmj.linear.open_loop import open_loop as linear_open_loop
 

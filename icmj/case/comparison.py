@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,16 +18,13 @@ from icmj.base.array import Array, argmax_abs
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import Fact, amount, collect_facts, count, ordinal, plain, relative
 from icmj.case.laid_orbit import beside, settled_on
-from icmj.case.result import Result, has_prediction
-from icmj.errors import AnalysisError
+from icmj.case.result import Result
+from icmj.controller.controller import expect_intermittent
 from icmj.measurement.measurement import Measurement, measured_gamma
 from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant, transformation
 from icmj.simulation.simulation import Simulation, get_relative_error
 from icmj.theory.prediction import PREDICTION, Prediction
-
-if TYPE_CHECKING:
-    from icmj.case.result import PredictedResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,14 +116,14 @@ RUN = (
 """In the order of a sweep's columns."""
 
 
-def verdict_in_words(result: PredictedResult, converged: bool) -> str:
+def verdict_in_words(result: Result, converged: bool) -> str:
     """The prediction and the measured motion in words, for a reader who does not know the theory.
 
     Args:
         result: the run and its prediction.
         converged: whether the run settled on the predicted cycle.
     """
-    prediction, measurement, outcome = result.prediction, result.measurement, result.simulation.outcome
+    prediction, measurement, outcome = result.predicted, result.motion, result.simulation.outcome
     if converged:
         found = beside(prediction, measurement)
         mirror = f"twice the interval, {halves(measurement, found)}" if measurement.p == 2 else "one interval"
@@ -168,10 +165,11 @@ def _which(prediction: Prediction) -> str:
     return f"{words}, the {ordinal(place)} of {len(orbits)} predicted orbits" if len(orbits) > 1 else words
 
 
-def _is_exact(result: PredictedResult) -> bool:
+def _is_exact(result: Result) -> bool:
     """Whether the controller's model is the linearised plant, and its hold the closed loop that this model assumes."""
+    law = expect_intermittent(result.controller)
     pairs = [(getattr(result.assumed, letter), getattr(result.actual, letter)) for letter in "ABC"]
-    pairs.append((result.controller.hold.A_h, result.controller.design.A_c))
+    pairs.append((law.hold.A_h, law.design.A_c))
     return all(a.shape == b.shape and bool(np.allclose(a, b, rtol=1e-9, atol=1e-12)) for a, b in pairs)
 
 
@@ -352,10 +350,8 @@ def compare(result: Result) -> Comparison:
     Raises:
         AnalysisError: if its controller has no event rule, and hence no prediction.
     """
-    if not has_prediction(result):
-        kind = result.controller.kind
-        raise AnalysisError(f"{result.run.case.name}: a run under {kind} control has no prediction to be compared with")
-    predicted = Predicted(**collect_facts(PREDICTION, beside(result.prediction, result.measurement), "record"))
+    about = beside(result.predicted, result.motion)
+    predicted = Predicted(**collect_facts(PREDICTION, about, "record"))
     measured = Measured(**collect_facts(RUN, result, "record"))
     off = {
         fact.name: _relative(getattr(measured, fact.name), getattr(predicted, expected.name))
@@ -399,7 +395,7 @@ def to_json(comparison: Comparison) -> dict[str, Any]:
 
 def to_record(result: Result) -> dict[str, Any]:
     """A record of ``summary.json`` for any run: that of its comparison or, without a prediction, what it did."""
-    if has_prediction(result):
+    if result.prediction is not None:
         return to_json(compare(result))
     return {
         "case": result.run.case.name,

@@ -19,7 +19,7 @@ from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import PredictedOrbit, Prediction
 
 if TYPE_CHECKING:
-    from icmj.case.result import PredictedResult
+    from icmj.case.result import Result
 
 INTERVAL_TOLERANCE = 0.05
 """Largest relative departure of an open-loop interval from Δ_crit at which a cycle still counts as the predicted
@@ -102,9 +102,9 @@ class LaidOrbit:
         return t[(t >= begin) & (t <= end)]
 
 
-def lay_orbit(result: PredictedResult) -> LaidOrbit | None:
+def lay_orbit(result: Result) -> LaidOrbit | None:
     """The orbit that the run settled on, or else that at Δ_crit, aligned with the run; ``None`` without an orbit."""
-    orbit, simulation = beside(result.prediction, result.measurement).orbit, result.simulation
+    orbit, simulation = beside(result.predicted, result.motion).orbit, result.simulation
     if orbit is None:
         return None
     n, n_hat = result.actual.n, result.assumed.n

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from icmj.controller.controller import expect_intermittent
 from icmj.controller.trigger import EventRule
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
@@ -20,7 +21,7 @@ from icmj.theory.orbit import Orbit
 from icmj.theory.spread import SmallNoise, Spread, predict_spread
 
 if TYPE_CHECKING:
-    from icmj.case.result import PredictedResult
+    from icmj.case.result import Result
 
 
 def small_noise(plant: LinearPlant, settings: Settings) -> tuple[SmallNoise, ...]:
@@ -51,14 +52,14 @@ def small_noise(plant: LinearPlant, settings: Settings) -> tuple[SmallNoise, ...
     return tuple(found.values())
 
 
-def spread_about(result: PredictedResult, orbit: Orbit) -> Spread:
+def spread_about(result: Result, orbit: Orbit) -> Spread:
     """How the intervals vary about an orbit under the noise of the run that a result is of.
 
     Raises:
         AnalysisError: if that is not predicted; see :meth:`icmj.Case.spread`.
     """
     refuse_beyond_theory(result.run)
-    by, settings = result.controller, result.run.simulation.settings()
+    by, settings = expect_intermittent(result.controller), result.run.simulation.settings()
     system = error_system(result.actual, by.design, by.hold, delay=by.delay, match="position")
     return predict_spread(system, cast(EventRule, by.trigger), orbit, small_noise(system.actual, settings))
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TYPE_CHECKING
 
 from icmj.base import VERSION
 from icmj.base.array import Array
 from icmj.base.card import Card, WithCard
-from icmj.controller.controller import Controller, has_trigger
+from icmj.controller.controller import expect_intermittent
 from icmj.controller.law import Law
+from icmj.errors import AnalysisError
 from icmj.measurement.measurement import Measurement, measure
 from icmj.measurement.statistics import Statistics
 from icmj.plant.linear_plant import LinearPlant
@@ -123,13 +124,32 @@ class Result(WithCard):
     measures: Mapping[str, float] = field(default_factory=dict)
     sway: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def predicted(self) -> Prediction:
+        """Its prediction.
+
+        Raises:
+            AnalysisError: if its controller has no event rule, and hence no prediction.
+        """
+        if self.prediction is None:
+            kind = self.controller.kind
+            raise AnalysisError(
+                f"{self.run.case.name}: a run under {kind} control has no prediction to be compared with"
+            )
+        return self.prediction
+
+    @cached_property
+    def motion(self) -> Measurement:
+        """Its measured motion, measured now where it is not kept."""
+        return self.measurement or measure(self.simulation)
+
     def card(self) -> Card:
         """Its representation at a prompt or in a notebook."""
         case, run = self.run.case, self.simulation.card()
         rows = (("case", f"{case.name}: {self.run.title}"),)
-        if not has_prediction(self):
+        if self.prediction is None:
             return Card(f"{case.name}, {run.line}", (*rows, *run.rows), self.words)
-        prediction, motion = self.prediction.card(), self.measurement.card()
+        prediction, motion = self.prediction.card(), self.motion.card()
         line = f"{case.name}, {run.line}; {prediction.line}; {motion.line}"
         return Card(line, (*rows, *prediction.rows[:5], *run.rows, *motion.rows[:2]), self.words)
 
@@ -138,11 +158,13 @@ class Result(WithCard):
         """The motion of the run in one sentence."""
         if self.measurement is not None:
             return self.measurement.words
-        count, eventful = len(self.simulation.events), self.controller.realisation.eventful
-        what = f"it had {count} events" if eventful or not self.simulation.mode.size else f"it switched {count} times"
-        more = f"; {what}" if count else ""
-        said = f"Under {self.controller.kind} control the run {self.simulation.outcome.message}{more}."
-        return f"{said} {measure(self.simulation).words}" if count and eventful else said
+        count, said = len(self.simulation.events), f"Under {self.controller.kind} control the run"
+        said = f"{said} {self.simulation.outcome.message}"
+        if not count:
+            return f"{said}."
+        if self.controller.realisation.eventful:
+            return f"{said}; it had {count} events. {self.motion.words}"
+        return f"{said}; it {f'switched {count} times' if self.simulation.mode.size else f'had {count} events'}."
 
     def to_series(self, rate: float | None = None) -> Series:
         """Every signal of the run, as :meth:`icmj.Simulation.to_series` with its controller and pushes gives them.
@@ -154,7 +176,7 @@ class Result(WithCard):
             DataError: if the rate is not usable.
         """
         law = self.controller
-        series = self.simulation.to_series(rate, law if has_trigger(law) else None)
+        series = self.simulation.to_series(rate, expect_intermittent(law) if law.observed else None)
         return replace(series, facts=self._facts | series.facts)
 
     def to_xarray(self, rate: float | None = None) -> Dataset:
@@ -174,20 +196,3 @@ class Result(WithCard):
     def _facts(self) -> dict[str, str]:
         changes = {"changes": self.run.changes_in_words} if self.run.changes_in_words else {}
         return {"case": self.run.case.name, "title": self.run.title, **changes, "version": VERSION}
-
-
-if TYPE_CHECKING:
-
-    @dataclass(frozen=True, eq=False, repr=False)
-    class PredictedResult(Result):
-        """A result as type checkers see it once :func:`has_prediction` has said that it has a prediction."""
-
-        controller: Controller
-        prediction: Prediction
-        simulation: Simulation
-        measurement: Measurement
-
-
-def has_prediction(result: Result) -> TypeGuard[PredictedResult]:
-    """Whether a result has a prediction, and the measurement that is compared with it."""
-    return result.prediction is not None

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeGuard
+from typing import Any, TypeGuard, cast
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from icmj.controller.layout import Layout
 from icmj.controller.model_prediction import make_predictor
 from icmj.controller.realisation import Mode, Rates, Realisation
 from icmj.controller.setpoint import Setpoint
-from icmj.controller.trigger import ClockTrigger, Continuous, Faces, Kind, Trigger
+from icmj.controller.trigger import ClockTrigger, Continuous, EventRule, Faces, Kind, Trigger, record_trigger
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
 
@@ -52,6 +52,7 @@ class Controller(Law):
     delay: Delay = NO_DELAY
     setpoint: Setpoint | None = None
     sampling_delay: float = 0.0
+    observed = True
 
     def __post_init__(self) -> None:
         for part, kind, words in (
@@ -92,6 +93,11 @@ class Controller(Law):
         """The kind of its trigger: ``event``, ``clock`` or ``continuous``."""
         return self.trigger.kind
 
+    @property
+    def event_rule(self) -> EventRule | None:
+        """Its trigger, if that is an event rule."""
+        return self.trigger if isinstance(self.trigger, EventRule) else None
+
     def facts(self) -> Mapping[str, Any]:
         """The facts of its trigger, and the delay."""
         sampling = {"sampling_delay": self.sampling_delay} if self.sampling_delay else {}
@@ -123,9 +129,24 @@ class Controller(Law):
         """A linear system with resets (paper, eqs. obs, hold, u); AnalysisError if the trigger does not fit."""
         return _realise_states(self)
 
+    def to_record(self) -> Law:
+        """The controller as a log keeps it: of an event rule that is not of icmj, its faces."""
+        return self.triggered_by(record_trigger(self.trigger, self.design))
+
     def triggered_by(self, trigger: Trigger) -> Controller:
         """The same controller with another trigger; a sampling delay is kept only with an event rule."""
         return replace(self, trigger=trigger, sampling_delay=self.sampling_delay if trigger.kind == "event" else 0.0)
+
+
+def expect_intermittent(law: Law) -> Controller:
+    """The controller as one of design, hold and trigger.
+
+    Raises:
+        AnalysisError: if it is another.
+    """
+    if not law.observed:
+        raise AnalysisError(f"a {law.kind} controller has no design, hold and trigger")
+    return cast(Controller, law)
 
 
 def has_trigger(law: Law) -> TypeGuard[Controller]:
@@ -133,7 +154,7 @@ def has_trigger(law: Law) -> TypeGuard[Controller]:
 
     Such a one has the other parts of :class:`Controller`, too: design, hold and delay.
     """
-    return isinstance(getattr(law, "trigger", None), Trigger)
+    return law.observed
 
 
 def make_layout(controller: Controller) -> Layout:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from icmj.controller.realisation import Realisation
 from icmj.controller.setpoint import Setpoint
+from icmj.controller.trigger import EventRule, Faces, make_no_faces
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.work.own_code import Fact, digest_of, plain, reference_of
@@ -23,9 +24,17 @@ class Law(ABC):
 
     Attributes:
         setpoint: the set-point r(t) that the controller follows; ``None`` if it has none.
+        observed: whether its states are those of an observer and a hold, which runs record; true of
+            :class:`icmj.Controller` alone.
     """
 
     setpoint: Setpoint | None = None
+    observed: ClassVar[bool] = False
+
+    @property
+    def event_rule(self) -> EventRule | None:
+        """The event rule of its hold error, on which the theory rests; ``None`` if it has none."""
+        return None
 
     @property
     @abstractmethod
@@ -49,6 +58,19 @@ class Law(ABC):
     @abstractmethod
     def facts(self) -> Mapping[str, Any]:
         """Its parameters by their usual names, for tables and summaries."""
+
+    @property
+    def faces(self) -> Faces:
+        """Faces of its event rule; of one without a rule there are none."""
+        return make_no_faces(self.plant.n)
+
+    def to_record(self) -> Law:
+        """The controller as a log keeps it: itself, but for what of it is not of icmj."""
+        if type(self).__module__.startswith("icmj."):
+            return self
+        named: list[str] = [f.name for f in fields(self)] if is_dataclass(self) else []
+        parameters = {name: plain(getattr(self, name)) for name in named if getattr(self, name) is not self.plant}
+        return RecordedLaw(self.plant, self.realisation, self.kind, reference_of(self), digest_of(self), parameters)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,12 +130,3 @@ def expect_law(law: Law, plant: LinearPlant) -> Law:
             f"{plant.n_u}, and gives {readings}"
         )
     return law
-
-
-def record_law(law: Law) -> Law:
-    """A controller as a log keeps it: itself, but for one that is not of icmj."""
-    if type(law).__module__.startswith("icmj."):
-        return law
-    named: list[str] = [f.name for f in fields(law)] if is_dataclass(law) else []
-    parameters = {name: plain(getattr(law, name)) for name in named if getattr(law, name) is not law.plant}
-    return RecordedLaw(law.plant, law.realisation, law.kind, reference_of(law), digest_of(law), parameters)

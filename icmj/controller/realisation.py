@@ -284,6 +284,11 @@ class Realisation:
         """Whether it has an event rule or a clock."""
         return len(self.cuts) > 1 or self.clock < np.inf
 
+    @property
+    def resets(self) -> bool:
+        """Whether its state is reset, by events or with a period."""
+        return self.eventful or self.period < np.inf
+
     def read(self, C: Array, mode: Mode) -> Array:
         """Matrix from (x, a) to the readings in a mode if nothing were delayed, for the plant's C; (n_v, n + N_a)."""
         here = np.hstack([C, np.zeros((len(C), len(mode.M)))])
@@ -345,7 +350,7 @@ def parallel(first: Realisation, second: Realisation, n_y: int) -> Realisation:
         AnalysisError: if both have events or periodic resets, either reads its own commands, or their numbers of
             commands or outputs differ.
     """
-    if (first.eventful or first.period < np.inf) and (second.eventful or second.period < np.inf):
+    if first.resets and second.resets:
         raise AnalysisError("both controllers have events or resets of their own; only one of the two can")
     if first.commands or second.commands:
         raise AnalysisError("a controller that reads its own commands would read those of the other; it stands alone")
@@ -402,7 +407,7 @@ def parallel(first: Realisation, second: Realisation, n_y: int) -> Realisation:
             [pair(first.chosen(i, tuple(sign[:low])), second.chosen(j, tuple(sign[low:]))) for sign in signs]
             for i, j in pairs
         ])  # fmt: skip
-    acting, number = (second, 1) if second.eventful or second.period < np.inf else (first, 0)
+    acting, number = (second, 1) if second.resets else (first, 0)
     watched = tuple(acting.watched[ij[number]] for ij in pairs) if acting.watched else ()
     after: tuple[int, ...] = ()
     if acting.after:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, has_trigger
+from icmj.controller.controller import Controller, expect_intermittent
 from icmj.controller.law import Law
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, Match, match_ports
@@ -71,7 +71,8 @@ def frequency_response(
     if f.ndim != 1 or not (np.isfinite(f).all() and (f > 0).all()):
         raise AnalysisError("frequencies must be positive and finite, as a vector [Hz]")
     plant = match_ports(plant, controller.plant, match)
-    law = _respond_observed(controller, f) if has_trigger(controller) else _respond_delayed(controller, f)
+    observed = controller.observed
+    law = _respond_observed(expect_intermittent(controller), f) if observed else _respond_delayed(controller, f)
     s, n, n_u, n_y = 2j * np.pi * f[:, None, None], plant.n, plant.n_u, plant.n_y
     # u = T (C x + n) + Q r, and x = (s − A)⁻¹ B (u + d)
     T, Q = law
@@ -80,7 +81,7 @@ def frequency_response(
     own = np.concatenate([np.zeros((len(f), n_u, n_u)), T, Q], axis=2)
     x = np.linalg.solve(s * np.eye(n) - plant.A - plant.B @ T @ plant.C, plant.B @ (own + D))
     u = T @ (plant.C @ x) + own
-    names = controller.setpoint.names if has_trigger(controller) and controller.setpoint else ()
+    names = controller.setpoint.names if controller.setpoint and R else ()
     signals = (
         *(f"d.{name}" for name in plant.inputs or map(str, range(n_u))),
         *(f"n.{name}" for name in plant.outputs or map(str, range(n_y))),
@@ -111,7 +112,7 @@ def _respond_observed(controller: Controller, f: Array) -> tuple[np.ndarray, np.
 def _respond_delayed(controller: Law, f: Array) -> tuple[np.ndarray, np.ndarray]:
     """The same for any controller without events, in its one mode."""
     real = controller.realisation
-    if len(real.modes) != 1 or real.eventful or real.commands or real.period < np.inf:
+    if len(real.modes) != 1 or real.resets or real.commands:
         raise AnalysisError(
             f"the {controller.kind} controller is not linear, or reads its own commands; a frequency response is of "
             "one mode without events and resets"

@@ -21,7 +21,7 @@ from icmj.case.case import check_names
 from icmj.case.control import controller_of
 from icmj.case.plants import actual_plant, assumed_plant, linear_plant
 from icmj.case.references import digests
-from icmj.controller.controller import has_trigger
+from icmj.controller.controller import expect_intermittent
 from icmj.controller.law import Law
 from icmj.errors import AnalysisError, FitError, IcmjError
 from icmj.linear.run import simulate
@@ -127,7 +127,7 @@ class Member:
     def has_one_loop(self) -> bool:
         """Whether it stays in one mode without events, so that a root of its loop decides whether it is stable."""
         real = self.law.realisation
-        return not has_trigger(self.law) and not real.eventful and len(real.modes) == 1
+        return not real.eventful and len(real.modes) == 1
 
     @cached_property
     def unstable(self) -> bool:
@@ -158,10 +158,10 @@ class Member:
             reason, or the member stood although it is ``unstable``.
         """
         settings = reseed(self.settings, seed)
-        if has_trigger(self.law):
-            simulator = Simulator(self.plant, self.law, settings, settings.record_interval)
+        if self.law.observed:
+            simulator = Simulator(self.plant, law := expect_intermittent(self.law), settings, settings.record_interval)
             loop = simulator.loop
-            found, outcome = simulator.run(loop.state(*start_states(self.plant, self.law, settings)))
+            found, outcome = simulator.run(loop.state(*start_states(self.plant, law, settings)))
             t, x = found.t, loop.x(found.Z)
         else:
             run = simulate(self.plant, self.law, settings)

@@ -22,16 +22,16 @@ from icmj.base.files import read_bytes
 from icmj.base.text import one_line
 from icmj.case.references import plant_files
 from icmj.case.result import AmplitudeLaw, Attractor, Growth, Result
-from icmj.controller.controller import Controller, has_trigger
+from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
-from icmj.controller.law import RecordedLaw, record_law
+from icmj.controller.law import RecordedLaw
 from icmj.controller.layout import Layout
 from icmj.controller.realisation import Guard, Mode, Rates, Realisation
 from icmj.controller.rules import RULES
 from icmj.controller.setpoint import Setpoint
-from icmj.controller.trigger import ClockTrigger, Continuous, RecordedRule, record_trigger
+from icmj.controller.trigger import ClockTrigger, Continuous, RecordedRule
 from icmj.errors import IcmjError, LogError
 from icmj.log.validation import validate
 from icmj.measurement.measurement import Measurement
@@ -81,10 +81,7 @@ def pack(result: Result) -> tuple[str, Flat]:
     """
     arrays: Flat = {}
     # of a rule, or a controller, of somebody's own a log carries the numbers, and says where the code is
-    law = record_law(result.controller)
-    if has_trigger(law):
-        law = law.triggered_by(record_trigger(law.trigger, law.design))
-    result = replace(result, controller=law)
+    result = replace(result, controller=result.controller.to_record())
     return json.dumps(_encode(result, "", arrays), ensure_ascii=False), arrays
 
 

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from icmj.case.quantity import in_brackets, shared_unit
-from icmj.case.result import Result, has_prediction
+from icmj.case.result import Result
 from icmj.log.figure import place_eye
-from icmj.log.timeline import TIMELINE
-
-if TYPE_CHECKING:
-    from icmj.case.result import PredictedResult
-
 from icmj.log.phase_plane import WIDE
+from icmj.log.timeline import TIMELINE
 
 BACKGROUND = (52, 58, 66, 255)
 DARK = (24, 27, 31, 255)
@@ -26,7 +22,7 @@ ROOM = 0.36  # of the time shown: left free at the right of the curves, for the 
 
 def make_blueprint(result: Result) -> rrb.Blueprint:
     """The arrangement for ``result``, without views of data that it does not have."""
-    if not has_prediction(result):
+    if result.prediction is None:
         return _whole(result)
     control = result.simulation.control
     window = _window(result)
@@ -93,11 +89,11 @@ def arrange(*columns: rrb.Vertical) -> rrb.Blueprint:
     )
 
 
-def _window(result: PredictedResult) -> rrb.TimeAxis:
+def _window(result: Result) -> rrb.TimeAxis:
     """A time axis that follows the cursor: some intervals before it, and room for the legend after it."""
-    simulation, interval = result.simulation, result.measurement.interval
+    simulation, interval = result.simulation, result.motion.interval
     if interval is None or not np.isfinite(interval) or interval <= 0:
-        interval = result.prediction.delta_crit or float(simulation.t[-1]) / 10
+        interval = result.predicted.delta_crit or float(simulation.t[-1]) / 10
     interval = min(interval, float(simulation.t[-1]) / 10)
     return rrb.TimeAxis(
         view_range=rr.TimeRange(

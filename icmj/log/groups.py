@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -15,14 +15,12 @@ from icmj.base.array import RELATIVE_ROUNDING, Array
 from icmj.case.laid_orbit import lay_orbit
 from icmj.case.motion import acting, modes, reduce_state, running_interval, with_resets
 from icmj.case.quantity import in_brackets
-from icmj.case.result import Result, has_prediction
+from icmj.case.result import Result
+from icmj.controller.controller import expect_intermittent
 from icmj.controller.setpoint import Setpoint
 from icmj.log import palette
 from icmj.log.palette import Colour
 from icmj.simulation.simulation import Simulation
-
-if TYPE_CHECKING:
-    from icmj.case.result import PredictedResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +52,15 @@ class Entity:
 
 def list_groups(result: Result) -> Iterator[Entity]:
     """Every group of series of ``result``; those that do not exist (no cycle, no trigger ...) are left out."""
-    yield from _signals(result) if has_prediction(result) else _bare_signals(result)
-    yield from list_acting_groups(result)
-    yield from list_pressure_groups(result)
-    if has_prediction(result):
+    if result.prediction is None:
+        yield from _bare_signals(result)
+    else:
+        yield from _signals(result)
         yield from _trigger(result)
         yield from _intervals(result)
         yield from _modes(result)
+    yield from list_acting_groups(result)
+    yield from list_pressure_groups(result)
     run = result.simulation
     if run.mode.size:
         yield Entity("mode/run", run.t, run.mode[:, None].astype(float), (", ".join(run.modes),), (palette.RUNNING,))
@@ -78,9 +78,9 @@ def _bare_signals(result: Result) -> Iterator[Entity]:
     yield from list_setpoint_groups(run)
 
 
-def _signals(result: PredictedResult) -> Iterator[Entity]:
+def _signals(result: Result) -> Iterator[Entity]:
     """Outputs, inputs and states: continuous, predicted and run, in this (alphabetical) order drawn on each other."""
-    simulation, continuous, prediction = result.simulation, result.continuous, result.prediction
+    simulation, continuous, prediction = result.simulation, result.continuous, result.predicted
     y_names, u_names = result.actual.outputs, result.actual.inputs
     y_colours, u_colours = palette.choose_colours(len(y_names)), palette.choose_colours(len(u_names))
     laid = lay_orbit(result) if prediction.cycle else None
@@ -95,7 +95,7 @@ def _signals(result: PredictedResult) -> Iterator[Entity]:
             yield Entity(f"{where}/continuous", continuous.t, values, ("continuous control",) * len(names), grey, 1.0)
     yield Entity("outputs/run", simulation.t, simulation.y, y_names, y_colours)
     yield from list_setpoint_groups(simulation)
-    events, u_after = simulation.events, simulation.u_after(result.controller)
+    events, u_after = simulation.events, simulation.u_after(expect_intermittent(result.controller))
     yield Entity("inputs/run", *with_resets(simulation, simulation.u, u_after), u_names, u_colours)
     for path, (t, values), names in (
         ("states/plant", (simulation.t, simulation.x), result.actual.states),
@@ -160,9 +160,9 @@ def list_pressure_groups(result: Result) -> Iterator[Entity]:
         yield Entity(path, t, np.ascontiguousarray(values), names, palette.choose_colours(len(names)))
 
 
-def _trigger(result: PredictedResult) -> Iterator[Entity]:
+def _trigger(result: Result) -> Iterator[Entity]:
     """The hold error over its threshold, which E is computed from, the level of an event, and the events on it."""
-    simulation, controller = result.simulation, result.controller
+    simulation, controller = result.simulation, expect_intermittent(result.controller)
     faces = controller.trigger.faces(controller.design)
     if not len(faces) or not np.isfinite(simulation.E).any():
         return
@@ -176,9 +176,9 @@ def _trigger(result: PredictedResult) -> Iterator[Entity]:
         yield Entity("trigger/events", events.t, at, ("event",), (palette.EVENT,), 3.0, "points")
 
 
-def _intervals(result: PredictedResult) -> Iterator[Entity]:
+def _intervals(result: Result) -> Iterator[Entity]:
     """Open-loop interval as it runs and at events, with Δ_crit."""
-    simulation, prediction = result.simulation, result.prediction
+    simulation, prediction = result.simulation, result.predicted
     if simulation.control == "continuous":
         return
     t, since = running_interval(simulation)
@@ -192,9 +192,9 @@ def _intervals(result: PredictedResult) -> Iterator[Entity]:
         yield Entity("interval/events", simulation.events.t, at, ("Δ_i",), (palette.EVENT,), 4.0, "points")
 
 
-def _modes(result: PredictedResult) -> Iterator[Entity]:
+def _modes(result: Result) -> Iterator[Entity]:
     """χ, its real part, with ±γ and the critical mode at the events."""
-    simulation, prediction = result.simulation, result.prediction
+    simulation, prediction = result.simulation, result.predicted
     if prediction.V_inv is None:
         return
     chi = modes(result, reduce_state(result, simulation.x, simulation.x_o, simulation.x_h)).real

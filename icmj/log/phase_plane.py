@@ -20,7 +20,7 @@ from icmj.log.timeline import time_column
 from icmj.simulation.scene import select_frames
 
 if TYPE_CHECKING:
-    from icmj.case.result import PredictedResult
+    from icmj.case.result import Result
 
 
 WIDE = 1.6  # width of the frame over its height
@@ -28,11 +28,11 @@ ROOT = "phase"
 LATE = 0.5  # the part of a run at its end that is drawn bright; before it is the approach, drawn dim
 
 
-def write_phase_plane(recording: rr.RecordingStream, result: PredictedResult) -> None:
+def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
     """Write the phase plane of ``result``: approach dim, second half bright, events, orbit, and the present point."""
     simulation = result.simulation
     y, rate = simulation.y, output_rate(result, simulation.x, simulation.u)
-    laid = lay_orbit(result) if result.prediction.cycle else None
+    laid = lay_orbit(result) if result.predicted.cycle else None
     orbit = None if laid is None else (laid.whole(laid.orbit.y), laid.whole(laid.rate))
     late = is_between(simulation.t, simulation.t[-1] * (1 - LATE))
     seen = [(y[late], rate[late])] + ([orbit] if orbit is not None else [])

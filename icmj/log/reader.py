@@ -9,7 +9,7 @@ from typing import Any
 from icmj.base.blas_threads import ignore_warnings
 from icmj.base.text import one_line
 from icmj.case.result import Result
-from icmj.controller.controller import has_trigger
+from icmj.controller.controller import expect_intermittent
 from icmj.controller.trigger import RecordedRule
 from icmj.errors import IcmjError, LogError, RunFileError
 from icmj.log import archive
@@ -80,9 +80,8 @@ def _read(path: Path | str) -> Result:
 
 def _own(result: Result) -> Result:
     """The result with its event rule made from user code, if that is available and unchanged."""
-    controller = result.controller
-    rule = controller.trigger if has_trigger(controller) else None
-    if not has_trigger(controller) or not isinstance(rule, RecordedRule):
+    rule = result.controller.event_rule
+    if not isinstance(rule, RecordedRule):
         return result
     code = Code(result.run.path.parent, allowed=True)
     if code.digest(rule.reference) != rule.sha256:
@@ -91,7 +90,7 @@ def _own(result: Result) -> Result:
         made = code.make(rule.reference, **rule.parameters)
     except RunFileError:  # the name is not there, or what it makes fails here
         return result
-    return replace(result, controller=controller.triggered_by(made))
+    return replace(result, controller=expect_intermittent(result.controller).triggered_by(made))
 
 
 def read_summary(path: Path | str) -> dict[str, dict[str, Any]]:

@@ -12,7 +12,7 @@ from icmj.base.numbers import amount, collect_facts, ordinal, relative
 from icmj.base.numbers import eigenvalue as eigenvalue_in_words
 from icmj.case.comparison import COMPARED, RUN, Comparison
 from icmj.case.quantity import in_unit
-from icmj.case.result import Result, has_prediction
+from icmj.case.result import Result
 from icmj.measurement.statistics import Estimate
 from icmj.theory.prediction import PREDICTION
 
@@ -26,9 +26,9 @@ def summarise(result: Result, compared: Comparison | None) -> Properties:
         result: the run.
         compared: the run beside its prediction, if there is one.
     """
-    if compared is None or not has_prediction(result):
+    if compared is None:
         return _join(result, result.words, {"controller": _settings(result)})
-    prediction, motion, outputs = result.prediction, result.measurement, result.actual.outputs
+    prediction, motion, outputs = result.predicted, result.motion, result.actual.outputs
     error = compared.relative_error
     off = () if error.amplitude is None else error.amplitude
     topics: dict[str, dict[str, Any]] = {
@@ -69,7 +69,7 @@ def _join(result: Result, verdict: str, topics: Mapping[str, Mapping[str, Any]])
 
 def write_markdown(result: Result, compared: Comparison | None) -> str:
     """One page: the verdict, the numbers side by side if there is a prediction, how the run ended and what made it."""
-    if compared is None or not has_prediction(result):
+    if compared is None:
         return _plain_page(result)
     simulation = result.simulation
     predicted, measured, error = compared.predicted, compared.measured, compared.relative_error
@@ -86,7 +86,7 @@ def write_markdown(result: Result, compared: Comparison | None) -> str:
         else:
             mean = fact.name == "interval" and measured.kind == "noisy"  # which is not a cycle's interval
             rows.append((in_unit(fact.label, fact.unit), *three[:2], None if mean else three[2]))
-    cycle, orbits = "a limit cycle" if predicted.cycle else "no limit cycle", result.prediction.orbits
+    cycle, orbits = "a limit cycle" if predicted.cycle else "no limit cycle", result.predicted.orbits
     eigenvalue = "" if predicted.eigenvalue is None else f" λ_crit = {eigenvalue_in_words(predicted.eigenvalue)};"
     lines = [
         *_head(result),
@@ -105,7 +105,7 @@ def write_markdown(result: Result, compared: Comparison | None) -> str:
         "",
         "## Run",
         f"- outcome: the run {simulation.outcome.message}",
-        f"- motion: {result.measurement.words}",
+        f"- motion: {result.motion.words}",
         f"- {len(simulation.events)} events, {len(simulation.t)} rows",
         *(f"- {key.replace('_', ' ')}: {format_fact(value)}" for key, value in simulation.precision.items()),
         *([f"- {words}" for words in simulation.pressure.words] if simulation.pressure else ()),

@@ -6,22 +6,18 @@ what was written makes sense.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.case.result import Result, has_prediction
-from icmj.controller.controller import has_trigger
+from icmj.case.result import Result
+from icmj.controller.controller import expect_intermittent
 from icmj.errors import AnalysisError, LogError
+from icmj.log.conformity import conform
 from icmj.simulation.simulation import Simulation
 from icmj.theory.orbit import Orbit
 from icmj.theory.prediction import Prediction
-
-if TYPE_CHECKING:
-    from icmj.case.result import PredictedResult
-
-from icmj.log.conformity import conform
 
 MOST_EVENTS = 64  # of one period; eight are looked for
 
@@ -35,16 +31,16 @@ def validate(result: Result) -> None:
     conform(result)
     actual, assumed, controller = result.actual, result.controller.plant, result.controller
     _require((actual.n_u, actual.n_y) == (assumed.n_u, assumed.n_y), "actual", "has other inputs or outputs")
-    if not has_prediction(result):
+    observed = controller.observed
+    _simulation(result, "simulation", result.simulation, assumed.n if observed else 0)
+    if result.prediction is None:
         for name in ("continuous", "measurement", "growth", "law", "statistics"):
             _require(getattr(result, name) is None, name, "is there without a prediction")
         _require(not result.attractors, "attractors", "are there without a prediction")
-        _simulation(result, "simulation", result.simulation, assumed.n if has_trigger(controller) else 0)
         return
-    _require(has_trigger(controller), "prediction", f"is there for a {controller.kind} controller")
+    _require(observed, "prediction", f"is there for a {controller.kind} controller")
     _require(result.measurement is not None, "measurement", "is missing beside a prediction")
     _plants(result)
-    _simulation(result, "simulation", result.simulation, result.assumed.n)
     if (beside := result.continuous) is not None:
         _simulation(result, "continuous", beside, result.assumed.n)
         _require(result.simulation.plant == beside.plant, "continuous.plant", "is not that of the simulation")
@@ -54,16 +50,18 @@ def validate(result: Result) -> None:
     _statistics(result)
 
 
-def _plants(result: PredictedResult) -> None:
-    assumed, design = result.assumed, result.controller.design
+def _plants(result: Result) -> None:
+    assumed, controller = result.assumed, expect_intermittent(result.controller)
+    delayed, design = bool(result.simulation.delay) == bool(controller.delay), controller.design
+    _require(delayed, "simulation.delay", "and the controller's are not one: only one of them is none")
     mine, theirs = (design.plant.n, design.plant.n_u, design.plant.n_y), (assumed.n, assumed.n_u, assumed.n_y)
     _require(mine == theirs, "controller.design.plant", f"has the sizes {mine}, expected {theirs}")
     _finite("controller.design.k", design.k)
     _finite("controller.design.L", design.L)
-    _shape("controller.hold.A_h", result.controller.hold.A_h, assumed.n, assumed.n)
-    _finite("controller.hold.A_h", result.controller.hold.A_h)
+    _shape("controller.hold.A_h", controller.hold.A_h, assumed.n, assumed.n)
+    _finite("controller.hold.A_h", controller.hold.A_h)
     try:
-        result.controller.trigger.faces(design)
+        controller.trigger.faces(design)
     except (AnalysisError, ValueError, IndexError) as error:
         raise LogError(f"controller.trigger does not fit the design: {error}") from error
 
@@ -120,8 +118,8 @@ def _pressure(name: str, simulation: Simulation) -> None:
         _shape(f"{name}.{key}", getattr(pressure, key), *shape)
 
 
-def _measurement(result: PredictedResult) -> None:
-    measured = result.measurement
+def _measurement(result: Result) -> None:
+    measured = result.motion
     for where, told in (("measurement", measured), ("prediction", result.prediction)):
         for key in ("outputs", "output_units"):
             count = len(getattr(told, key))
@@ -140,10 +138,8 @@ def _measurement(result: PredictedResult) -> None:
         _positive(f"measurement.{key}", getattr(measured, key))
 
 
-def _prediction(result: PredictedResult, prediction: Prediction) -> None:
+def _prediction(result: Result, prediction: Prediction) -> None:
     size = _at_events(result)
-    delayed = bool(result.simulation.delay) == bool(result.controller.delay)
-    _require(delayed, "simulation.delay", "and the controller's are not one: only one of them is none")
     for key in ("delta_crit", "period", "delta_max"):
         _positive(f"prediction.{key}", getattr(prediction, key))
     for i, crossing in enumerate(prediction.crossings):
@@ -171,9 +167,9 @@ def _prediction(result: PredictedResult, prediction: Prediction) -> None:
             _shape(f"{where}.multipliers", other.multipliers, None)
 
 
-def _orbit(result: PredictedResult, where: str, orbit: Orbit) -> None:
+def _orbit(result: Result, where: str, orbit: Orbit) -> None:
     n, m, n_u, n_y = result.actual.n, result.assumed.n, result.actual.n_u, result.actual.n_y
-    M = _rising(f"{where}.t", orbit.t, least=2, twice=1 if result.controller.delay else 0)  # the action
+    M = _rising(f"{where}.t", orbit.t, least=2, twice=1 if result.simulation.delay else 0)  # the action
     _positive(f"{where}.delta", orbit.delta)
     _positive(f"{where}.period", orbit.period)
     _require(orbit.sign in (1, -1), f"{where}.sign", f"is {orbit.sign}; expected 1 or -1")
@@ -186,7 +182,7 @@ def _orbit(result: PredictedResult, where: str, orbit: Orbit) -> None:
             _shape(f"{where}.{key}_{what}", getattr(orbit, f"{key}_{what}"), width)
 
 
-def _experiments(result: PredictedResult) -> None:
+def _experiments(result: Result) -> None:
     n, m = result.actual.n, result.assumed.n
     if result.growth is not None:
         points = _rising("growth.delta", result.growth.delta, least=1)
@@ -207,7 +203,7 @@ def _experiments(result: PredictedResult) -> None:
         _require(attractor.count >= 1 and 0 <= attractor.share <= 1, where, "has no sensible count or share")
 
 
-def _statistics(result: PredictedResult) -> None:
+def _statistics(result: Result) -> None:
     told, n_y = result.statistics, result.actual.n_y
     if told is None:
         return
@@ -223,10 +219,10 @@ def _statistics(result: PredictedResult) -> None:
         _shape(f"statistics.spectrum.{key}", getattr(told.spectrum, key), F, n_y)
 
 
-def _at_events(result: PredictedResult) -> int:
+def _at_events(result: Result) -> int:
     """Length of the state that the map from event to event acts on; with a delay it includes the hold."""
     n, m = result.actual.n, result.assumed.n
-    return n + 2 * m if result.controller.delay else n + m
+    return n + 2 * m if result.simulation.delay else n + m
 
 
 def _rising(where: str, t: Array, least: int, twice: int = 0) -> int:

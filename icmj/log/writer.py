@@ -17,7 +17,7 @@ from rerun.chunk import RrdReader
 from icmj.base.files import whole
 from icmj.base.text import one_line
 from icmj.case.comparison import compare
-from icmj.case.result import Result, has_prediction
+from icmj.case.result import Result
 from icmj.errors import LogError
 from icmj.log import archive
 from icmj.log.blueprint import make_blueprint
@@ -79,7 +79,7 @@ def _write(result: Result, tree: str, arrays: archive.Flat, sink: Path) -> None:
     recording.set_log_time_enabled(False)
     recording.set_log_tick_enabled(False)
     recording.send_recording_name(f"{result.run.title} ({result.simulation.plant})")
-    compared = compare(result) if has_prediction(result) else None
+    compared = None if result.prediction is None else compare(result)
     properties, words = summarise(result, compared), write_markdown(result, compared)
     for name, facts in properties.items():
         if facts:
@@ -88,7 +88,7 @@ def _write(result: Result, tree: str, arrays: archive.Flat, sink: Path) -> None:
     _write_archive(recording, tree, arrays, digest)
     for group in list_groups(result):
         _write_group(recording, group)
-    if has_prediction(result):
+    if compared is not None:
         write_phase_plane(recording, result)
     if result.scene is not None:
         write_figures(recording, result.scene)

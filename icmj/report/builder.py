@@ -10,7 +10,7 @@ import numpy as np
 
 from icmj.base.files import make_scratch, write_bytes
 from icmj.base.text import one_line
-from icmj.case.result import Result, has_prediction
+from icmj.case.result import Result
 from icmj.case.sweep_table import SweepTable
 from icmj.errors import ReportError
 from icmj.report.abstract import abstract
@@ -69,8 +69,8 @@ def build_report(
         ReportError: if there are no results, sweeps or branches, two results of the same run, or the files cannot be
             written. In this case no page is left, except one that existed before.
     """
-    others = [result for result in results if not has_prediction(result)]
-    predicted = [result for result in results if has_prediction(result)]
+    others = [result for result in results if result.prediction is None]
+    predicted = [result for result in results if result.prediction is not None]
     cases = in_paper_order(pair(predicted)) if predicted or not (sweeps or branches or others) else []
     out = Path(out)
     figures = out.with_name(f"{out.stem}_figures") if figures is None else Path(figures)

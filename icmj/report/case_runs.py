@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 from icmj.case.comparison import Comparison, compare
-from icmj.case.result import Result, has_prediction
+from icmj.case.result import Result
+from icmj.controller.controller import Controller, expect_intermittent
 from icmj.errors import ReportError
 from icmj.theory.prediction import Prediction
-
-if TYPE_CHECKING:
-    from icmj.case.result import PredictedResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,32 +18,37 @@ class CaseRuns:
     """One case: its name and its runs, keyed ``linear`` and ``mujoco``, in that order."""
 
     name: str
-    runs: dict[str, PredictedResult]
+    runs: dict[str, Result]
 
     @property
-    def linear(self) -> PredictedResult | None:
+    def linear(self) -> Result | None:
         """The run of the linear plant, if there."""
         return self.runs.get("linear")
 
     @property
-    def mujoco(self) -> PredictedResult | None:
+    def mujoco(self) -> Result | None:
         """The run of the MuJoCo plant, if there."""
         return self.runs.get("mujoco")
 
     @property
-    def first(self) -> PredictedResult:
+    def first(self) -> Result:
         """The result to read shared facts from: the linear plant's if there, else MuJoCo's."""
         return next(iter(self.runs.values()))
 
     @property
-    def last(self) -> PredictedResult:
+    def last(self) -> Result:
         """The result drawn on top: MuJoCo's if there, else the linear plant's."""
         return list(self.runs.values())[-1]
 
     @property
     def prediction(self) -> Prediction:
         """The linear theory's prediction, the same for both plants."""
-        return self.first.prediction
+        return self.first.predicted
+
+    @property
+    def controller(self) -> Controller:
+        """The controller, the same for both plants."""
+        return expect_intermittent(self.first.controller)
 
     @cached_property
     def comparisons(self) -> dict[str, Comparison]:
@@ -62,10 +64,10 @@ def pair(results: Sequence[Result]) -> list[CaseRuns]:
     """
     if not results:
         raise ReportError("no results to report; give at least one log")
-    groups: dict[str, dict[str, PredictedResult]] = {}
+    groups: dict[str, dict[str, Result]] = {}
     for result in results:
         name, plant = result.run.case.name, result.simulation.plant
-        if not has_prediction(result):
+        if result.prediction is None:
             kind = result.controller.kind
             raise ReportError(f"case {name!r}: a run under {kind} control has no prediction to stand beside")
         runs = groups.setdefault(name, {})

@@ -25,7 +25,6 @@ from icmj.base.text import one_line
 from icmj.case.case import Case, Theory, expect_rule, expect_theory
 from icmj.case.iosystem import AnyPlant
 from icmj.case.quantity import quantities
-from icmj.controller.controller import has_trigger
 from icmj.controller.delay import Delay
 from icmj.controller.realisation import Realisation
 from icmj.engine.planar_chain import find_chain
@@ -137,9 +136,9 @@ def _refusal(case: Case) -> str:
         )
     if case.theory is None and not real.tapped:
         return "the page has an event rule, or a controller that reads delayed outputs, and this one has neither"
-    if has_trigger(law) and law.sampling_delay:
+    if real.sampling:
         return "events of the page come at once; leave out sampling_delay"
-    if has_trigger(law) and law.delay.predicted != law.delay.t_d:
+    if case.theory and case.theory.system.delay.predicted != case.theory.system.delay.t_d:
         return "the page has one slider for actual and assumed delay; leave out [actual] delay"
     if real.tapped and (real.eventful or any(len(guard.Q) > real.N.shape[1] for guard in real.guards)):
         return "modes and events of the page follow from readings alone, and this controller's also from its state"

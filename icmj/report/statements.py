@@ -83,7 +83,7 @@ def periodic(sign: int, reservation: str = "") -> Callable[[CaseRuns], Answer]:
     def check(case: CaseRuns) -> Answer:
         parts, ok = [], True
         for plant, result in case.runs.items():
-            m = result.measurement
+            m = result.motion
             settled = case.comparisons[plant].measured.converged
             ok = ok and settled and m.p == (2 if sign < 0 else 1)
             if m.period is None:
@@ -119,9 +119,9 @@ def interval_converges(reservation: str = "") -> Callable[[CaseRuns], Answer]:
 
 def no_limit_cycle(case: CaseRuns) -> Answer:
     """No run settles on a cycle, neither on that of Δ_crit nor on another."""
-    cycles = [result.measurement.kind == "cycle" for result in case.runs.values()]
+    cycles = [result.motion.kind == "cycle" for result in case.runs.values()]
     ok = not any(cycles) and not case.prediction.by_paper
-    parts = [f"{NAME[plant]}: {_lower(result.measurement.words)}" for plant, result in case.runs.items()]
+    parts = [f"{NAME[plant]}: {_lower(result.motion.words)}" for plant, result in case.runs.items()]
     multipliers = case.prediction.multipliers
     if multipliers is not None and len(multipliers):
         largest = float(np.abs(multipliers).max())
@@ -158,7 +158,7 @@ def continuous_unstable(case: CaseRuns) -> Answer:
     """A − Bk, the continuous state feedback on the actual plant, is unstable."""
     first = case.first
     T_hat = transformation(first.assumed, first.actual)
-    values = np.linalg.eigvals(first.actual.A - first.actual.B @ first.controller.design.k @ T_hat).astype(complex)
+    values = np.linalg.eigvals(first.actual.A - first.actual.B @ case.controller.design.k @ T_hat).astype(complex)
     worst = values[np.argmax(values.real)]
     why = f"The rightmost eigenvalue of A − Bk is {number(worst.real, 3)} ± {number(abs(worst.imag), 3)}j"
     reservation = ""

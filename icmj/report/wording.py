@@ -11,22 +11,22 @@ from icmj.base.array import is_between
 from icmj.case.quantity import quantities
 
 if TYPE_CHECKING:
-    from icmj.case.result import PredictedResult, Result
+    from icmj.case.result import Result
 
 NAMED = 3  # outputs whose swing a sentence gives
 
 
-def describe_sway(result: PredictedResult) -> str:
+def describe_sway(result: Result) -> str:
     """Between what the positions swing, from the extremes of the run's rows; empty where the motion has not settled.
 
     Of a cycle over its last period; under noise over the part that the statistics are of. Of more than three outputs
     with one unit, the three that swing most are named.
     """
-    simulation, period = result.simulation, result.measurement.period
+    simulation, period = result.simulation, result.motion.period
     end, noisy = float(simulation.t[-1]), result.statistics
-    if result.measurement.kind == "cycle" and period is not None and np.isfinite(period):
+    if result.motion.kind == "cycle" and period is not None and np.isfinite(period):
         start, when = end - period, "Settled"
-    elif result.measurement.kind == "noisy" and noisy is not None:
+    elif result.motion.kind == "noisy" and noisy is not None:
         start, when = noisy.start, f"In the last {noisy.end - noisy.start:.3g} s, under noise"
     else:
         return ""

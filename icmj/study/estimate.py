@@ -17,8 +17,8 @@ from icmj.base.array import Array
 from icmj.base.numbers import format_duration
 from icmj.case.case import Case, PlantKind, expect_measures
 from icmj.case.plants import linear_plant
-from icmj.controller.controller import has_trigger
-from icmj.controller.delay import NO_DELAY
+from icmj.controller.controller import expect_intermittent
+from icmj.engine.composition import goes_by_steps
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.run import simulate as simulate_mujoco
 from icmj.engine.schedule import find_fastest_rate
@@ -36,7 +36,7 @@ LONGEST = 60.0  # s of estimated work that is started without being asked twice
 STEPS, STRETCHES, ROWS = 1e6, 1e4, 2e5  # up to these a run takes a few seconds at most
 MEMORY = 1.9e9  # bytes that a run may take without being asked twice
 _OWN, _PER_NUMBER = 0.4e9, 60.0  # bytes: of the libraries, and of each number while a log is written
-BLOCKS, SERIES = 1e6, 1e6  # the same on the linear plant, and there under a controller of delayed readings
+SERIES = 1e6  # the same on the linear plant
 _TERMS = 100  # sinusoids that take as long as all else of a step
 _PER_ROW = 1.5e-5  # s to pose, write and read back one row
 _PER_TRIAL = 5e-3  # s to begin a trial of an experiment, and to write and read it
@@ -56,10 +56,10 @@ def startable(case: Case, plant: PlantKind) -> None:
     expect_measures(case.run)
     law, settings, there = case.controller, case.settings, linear_plant(case.actual, case.settings)
     with prefix_errors(case.run.path):
-        if has_trigger(law):
-            start_states(there, law, settings)
+        if law.observed:
+            start_states(there, controller := expect_intermittent(law), settings)
             if plant == "linear":
-                make_linear_loop(there, law)
+                make_linear_loop(there, controller)
         else:
             expect_readings(law, there)
             expect_no_observer(law, settings)
@@ -77,7 +77,7 @@ def estimate(case: Case, plant: PlantKind, *, study: bool = False) -> float:
         repeats += _OTHER_STARTS * keys.attractor_starts if plant == "linear" else len(keys.law_q_t)
         growth = keys.growth_points * 3.5 * 1.25 * (case.prediction.delta_crit or case.run.analysis.delta_max)
         simulated = repeats * settings.duration + growth
-    elif plant == "mujoco" and not has_trigger(law):  # its last seconds are flown twice more, for their error
+    elif plant == "mujoco" and not law.observed:  # its last seconds are flown twice more
         simulated += 2 * min(simulated, 2 * max(1.0, 3 * float(law.realisation.taps[-1])))
     return _seconds(case, plant, simulated, settings.duration / settings.record_interval, growth)
 
@@ -91,11 +91,10 @@ def estimate_trials(case: Case, plant: PlantKind, count: int) -> float:
 def _seconds(case: Case, plant: PlantKind, simulated: float, rows: float, growth: float = 0.0) -> float:
     """Seconds of work for so many ``simulated`` seconds, of which ``growth`` begin near rest, and rows."""
     weight = 1 + len(_acting(case)) / _TERMS  # each is evaluated at every step
-    triggered = has_trigger(case.controller)
     if plant == "linear":
-        steps, few = simulated * _rate(case), 128 * BLOCKS if triggered else SERIES
+        steps, few = simulated * _rate(case), SERIES
     else:
-        steps, few = simulated / _timestep(case), STEPS if triggered else STRETCHES
+        steps, few = simulated / _timestep(case), STEPS if goes_by_steps(case.controller) else STRETCHES
     seconds = _PER_ROW * rows
     if weight * steps > few or rows > ROWS:
         try:
@@ -155,33 +154,26 @@ def refuse_trials(path: Path, work: Sequence[tuple[Case, PlantKind, int]], jobs:
 def _columns(case: Case, study: bool = False) -> float:
     """Numbers in a row of a run and, if the study adds that, of its continuous control."""
     plant, runs = case.actual.linearisation.plant, 2 if study and case.prediction is not None else 1
-    states = 2 * case.controller.plant.n if has_trigger(case.controller) else 0
-    return runs * (1 + plant.n + plant.n_y + plant.n_u) + states
+    return runs * (1 + plant.n + plant.n_y + plant.n_u) + case.controller.realisation.layout.size
 
 
 def _acting(case: Case) -> Array:
     """Frequencies of all that disturbs the run [rad/s]."""
     plant, settings, law = case.actual.linearisation.plant, case.settings, case.controller
-    if has_trigger(law):
-        return make_acting(plant, settings, law).omega
     return np.concatenate([make_acting(plant, settings).omega, law.realisation.signals[:, 2]])
 
 
 def _rate(case: Case) -> float:
-    """About how fast the closed loop is, or what drives it [1/s]: 128 of its inverse are a block, one is a series."""
-    law = case.controller
-    if has_trigger(law):
-        A, design = case.actual.linearisation.plant.A, law.design
-        own = max(float(np.linalg.norm(M, 2)) for M in (A, design.A_c, design.A_o))
-    else:  # a series is no longer than the shortest delay of a reading
-        there = match_ports(linear_plant(case.actual, case.settings), law.plant, "position")
-        own = max([find_fastest_rate(there, law), *(1 / tau for tau in law.realisation.delayed[:1])])
-    return max(own, float(_acting(case).max(initial=0.0)))
+    """About how fast the closed loop is, or what drives it [1/s]."""
+    law, plant = case.controller, linear_plant(case.actual, case.settings)
+    fastest = find_fastest_rate(match_ports(plant, law.plant, "position"), law)
+    # a series is no longer than the shortest delay of a reading
+    return max([fastest, *(1 / tau for tau in law.realisation.delayed[:1]), *_acting(case)])
 
 
 def _timestep(case: Case) -> float:
     """The largest time step in MuJoCo [s], or stretch."""
-    longest = np.inf if has_trigger(case.controller) else 0.5 / _rate(case)
+    longest = np.inf if goes_by_steps(case.controller) else 0.5 / _rate(case)
     # no step goes across a bend of noise
     bends = (noise.interval for noise in case.settings.disturbance if isinstance(noise, Gridded))
     return min([case.stepping.timestep, longest, *bends])
@@ -202,7 +194,8 @@ def _pace(case: Case, plant: PlantKind, settings: Settings) -> float:
         _Ended: if it ends before its time.
     """
     end = settings.duration
-    length = min(50 * _timestep(case) if plant == "mujoco" else 1 / max(_rate(case), 1e-9), end)
+    length = 50 * _timestep(case) if plant == "mujoco" else 1 / max(_rate(case), 1e-9)
+    length = min(max(length, 2 * case.controller.realisation.delay), end)  # no run is shorter than a delay
     try:
         _time_beginning(case, plant, settings, length)  # compiles, and loads what is loaded once
         first, least = length, _time_beginning(case, plant, settings, length)[0]
@@ -221,8 +214,6 @@ def _time_beginning(case: Case, plant: PlantKind, settings: Settings, length: fl
     """The time that the beginning of a run takes [s]; if it is stopped early, its pace at the end [s/s]."""
     settings = replace(settings, duration=min(length, settings.duration))
     law = case.controller
-    if has_trigger(law) and law.delay.t_d >= settings.duration:  # no such run could start
-        law = replace(law, delay=NO_DELAY)
     begin = time.process_time()  # not of the clock on the wall, on which other programs work, too
     half: tuple[float, float] | None = None
     last = 0.0, 0.0

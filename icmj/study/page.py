@@ -57,7 +57,6 @@ def report(
         LogError, ReportError: if a log cannot be read or the page cannot be built.
     """
     from icmj.case.comparison import compare, to_json, to_record
-    from icmj.case.result import has_prediction
     from icmj.log.figure import read_scene
     from icmj.log.reader import read_log
     from icmj.report.builder import build_report
@@ -68,11 +67,11 @@ def report(
     for number, log in enumerate(logs, 1):
         result = replace(read_log(log), scene=read_scene(log))
         results.append(result)
-        if has_prediction(result):
+        if result.prediction is not None:
             of_case.setdefault(result.run.case.name, []).append(log)
         tell(0.2 * number / len(logs))
-    comparisons = tuple(compare(result) for result in results if has_prediction(result))
-    others = tuple(result for result in results if not has_prediction(result))
+    comparisons = tuple(compare(result) for result in results if result.prediction is not None)
+    others = tuple(result for result in results if result.prediction is None)
     try:
         make_ready(out.parent)
     except OSError as error:

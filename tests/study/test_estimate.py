@@ -167,7 +167,7 @@ FAST = 'kind = "noise"\ninput = "torque"\nsize = 0.1\nseed = 1\nbandwidth = 1e10
 
 def test_a_delay_longer_than_a_probe_is_no_reason_to_know_nothing(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Probes begin with a length at which a delayed run cannot start; the estimate was 0."""
-    monkeypatch.setattr("icmj.study.estimate.BLOCKS", 0.0)
+    monkeypatch.setattr("icmj.study.estimate.SERIES", 0.0)
     more = "record_interval = 0.5", 'disturbance = [{ kind = "step", input = "torque", size = 0.01 }]'
     found = case(root, 20.0, *more)
     delayed = prepare(found.run.with_(**{"assumed.delay": 0.3}))

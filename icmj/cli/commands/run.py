@@ -12,7 +12,7 @@ from icmj.cli.progress import Working
 
 if TYPE_CHECKING:
     from icmj.base.array import Array
-    from icmj.case.result import PredictedResult, Result
+    from icmj.case.result import Result
     from icmj.cli.terminal import Terminal
 
 
@@ -87,11 +87,10 @@ def _show_run(result: Result, log: Path, out: Terminal, changed: bool, spread: s
     """What a run did, in a table and in words, beside the predicted spread of its intervals if there is one."""
     from icmj.base.numbers import amount, count
     from icmj.case.comparison import compare
-    from icmj.case.result import has_prediction
     from icmj.cli.comparisons import show_comparisons
     from icmj.simulation.simulation import get_relative_error
 
-    if has_prediction(result):
+    if result.prediction is not None:
         show_comparisons([compare(result)], out, changed=changed)
         out.say(f"The run {result.simulation.outcome.message}, with {count(len(result.simulation.events), 'event')}.")
         out.say(result.words)
@@ -112,7 +111,7 @@ def _show_run(result: Result, log: Path, out: Terminal, changed: bool, spread: s
     out.say(f"show  icmj replay {log}", wrap=False)
 
 
-def _say_peaks(result: PredictedResult) -> str:
+def _say_peaks(result: Result) -> str:
     """The largest values of the outputs, with those of the predicted cycle, if there is one, in brackets."""
     from icmj.base.numbers import amount
     from icmj.case.laid_orbit import beside
@@ -124,7 +123,7 @@ def _say_peaks(result: PredictedResult) -> str:
         return f"{text}°" if unit == "deg" else text
 
     units, names = quantities(result.actual), result.actual.outputs
-    found, prediction = result.measurement.amplitude, beside(result.prediction, result.measurement)
+    found, prediction = result.motion.amplitude, beside(result.predicted, result.motion)
     cycle = prediction.amplitude if prediction.cycle else None
     peaks = [
         f"{name} {show(found, i)}" + ("" if cycle is None else f" ({show(cycle, i)})") for i, name in enumerate(names)

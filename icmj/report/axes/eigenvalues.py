@@ -82,7 +82,7 @@ def draw_locus(axes: Axes, case: CaseRuns) -> None:
 
 def shown_locus(case: CaseRuns, plant: LinearPlant) -> Locus:
     """The eigenvalues with ``plant`` in the loop, from Δ = 0 to somewhat beyond Δ_crit."""
-    controller, end = case.first.controller, _last_interval(case)
+    controller, end = case.controller, _last_interval(case)
     system = error_system(plant, controller.design, controller.hold, delay=controller.delay, match="position")
     found = follow_locus(system, end, points=POINTS)
     if controller.delay:
@@ -100,7 +100,7 @@ def _last_interval(case: CaseRuns) -> float:
 
 
 def _eigenvalues_at(case: CaseRuns, delta: float) -> Spectrum:
-    controller = case.first.controller
+    controller = case.controller
     phi = error_system(
         case.first.actual, controller.design, controller.hold, delay=controller.delay, match="position"
     ).phi(delta)

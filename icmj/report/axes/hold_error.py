@@ -20,7 +20,7 @@ from icmj.theory.spread import Spread
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from icmj.case.result import PredictedResult
+    from icmj.case.result import Result
 
 
 WITHIN = 2  # SD that the band around the predicted hold error has on either side
@@ -37,7 +37,7 @@ def draw_hold_error(axes: Axes, case: CaseRuns) -> None:
     drawn = {plant: list_hold_errors(result) for plant, result in case.runs.items()}
     if not any(drawn.values()):
         raise ReportError(f"case {case.name!r}: no complete interval, over which the hold error could be drawn")
-    orbit = beside(case.prediction, case.last.measurement).orbit if compares(case) else None
+    orbit = beside(case.prediction, case.last.motion).orbit if compares(case) else None
     if orbit is not None and np.isfinite(orbit.gamma):
         size = _size_of(case.last, orbit.e_hp)
         if (spread := predict_spread(case, orbit)) is not None:
@@ -55,7 +55,7 @@ def draw_hold_error(axes: Axes, case: CaseRuns) -> None:
     axes.set_ylim(bottom=0)
 
 
-def list_hold_errors(result: PredictedResult) -> list[tuple[Array, Array]]:
+def list_hold_errors(result: Result) -> list[tuple[Array, Array]]:
     """Times since the event and sizes of the hold error, over each of the last intervals."""
     run, found = result.simulation, []
     events, before = run.events, _size_of(result, run.x_h - run.x_o)
@@ -68,7 +68,7 @@ def list_hold_errors(result: PredictedResult) -> list[tuple[Array, Array]]:
     return found
 
 
-def _size_of(result: PredictedResult, e: Array) -> Array:
+def _size_of(result: Result, e: Array) -> Array:
     """The size of hold errors (M, n̂) on the face on which it is largest, in thresholds, shape (M,)."""
     faces = result.controller.faces
     return np.sqrt(faces.squares(e @ faces.R.T).max(axis=1))

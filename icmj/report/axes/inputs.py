@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from icmj.case.motion import acting, latter_part, with_resets
+from icmj.controller.controller import expect_intermittent
 from icmj.report import style
 from icmj.report.axes import LAST_INTERVALS
 from icmj.report.case_runs import CaseRuns
@@ -22,7 +23,7 @@ def draw_acting(axes: Axes, case: CaseRuns, i: int) -> None:
     """Command and what acts on one input; under noise the latter part."""
     plant = case.last.actual
     result = next(r for r in reversed(case.runs.values()) if i in acting(r))
-    simulation, after = result.simulation, result.simulation.u_after(result.controller)
+    simulation, after = result.simulation, result.simulation.u_after(expect_intermittent(result.controller))
     t, command = with_resets(simulation, simulation.u[:, i : i + 1], after[:, i : i + 1])
     axes.plot(t, command, label="command $u$", **style.CONTINUOUS)
     axes.plot(simulation.t, simulation.applied[:, i], label="what acts", **style.RUN[simulation.plant])

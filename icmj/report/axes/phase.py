@@ -18,7 +18,7 @@ from icmj.report.case_runs import CaseRuns, compares
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from icmj.case.result import PredictedResult
+    from icmj.case.result import Result
 
 
 def draw_phase(axes: Axes, case: CaseRuns, chosen: Sequence[int] = ()) -> None:
@@ -34,7 +34,7 @@ def draw_phase(axes: Axes, case: CaseRuns, chosen: Sequence[int] = ()) -> None:
         name, shown, first = outputs[i], units[i], i == chosen[0]
         if laid is not None:
             y, v = (laid.whole(signal)[:, i] * shown.factor for signal in (laid.orbit.y, laid.rate))
-            verdict = beside(prediction, case.last.measurement).verdict
+            verdict = beside(prediction, case.last.motion).verdict
             label = {"attracting": "predicted", "family": "predicted, of a family", "repelling": "repelling orbit"}.get(
                 verdict, "not admissible"
             )
@@ -65,7 +65,7 @@ def _label(axes: Axes, name: str, y: float, v: float) -> None:
     )
 
 
-def _mark_events(axes: Axes, result: PredictedResult, output: int, shown: Quantity, named: bool) -> None:
+def _mark_events(axes: Axes, result: Result, output: int, shown: Quantity, named: bool) -> None:
     simulation = result.simulation
     start, end = latter_part(simulation, LAST_INTERVALS)
     rows = event_rows(simulation)
@@ -74,8 +74,8 @@ def _mark_events(axes: Axes, result: PredictedResult, output: int, shown: Quanti
         return
     y = simulation.y[rows, output] * shown.factor
     v = output_rate(result, simulation.x[rows], simulation.u[rows])[:, output] * shown.factor
-    if result.measurement.kind == "cycle" and len(result.actual.outputs) == 1:
-        for n in range(-min(result.measurement.p or 0, len(y)), 0):
+    if result.motion.kind == "cycle" and len(result.actual.outputs) == 1:
+        for n in range(-min(result.motion.p or 0, len(y)), 0):
             axes.axvline(y[n], color="#8a8a8a", linewidth=0.6, linestyle=(0, (1, 2)), zorder=0.5)
             axes.axhline(v[n], color="#8a8a8a", linewidth=0.6, linestyle=(0, (1, 2)), zorder=0.5)
     axes.plot(

@@ -22,7 +22,7 @@ def _draw(case: CaseRuns) -> Figure:
 
 
 def _describe(case: CaseRuns) -> str:
-    orbit = beside(case.prediction, case.last.measurement).orbit if compares(case) else None
+    orbit = beside(case.prediction, case.last.motion).orbit if compares(case) else None
     beneath = ""
     if orbit is not None:
         beneath = "; without colour: the predicted orbit"

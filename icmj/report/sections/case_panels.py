@@ -78,7 +78,7 @@ def _list_parameters(case: CaseRuns) -> list[tuple[str, str]]:
     gain = run.actual.gain if isinstance(run.actual.gain, list) else [run.actual.gain]
     changes = [f"{change.what} {change.of or ''}".strip() for change in run.actual.changes]
     delay = run.assumed.delay or 0.0
-    rule = result.controller.trigger.facts()
+    rule = case.controller.trigger.facts()
     weights = ((name, getattr(run.design, name, None)) for name in ("R_c", "R_o"))
     found = [
         ("plant", run.actual_path.stem if run.on_engine else "matrices"),

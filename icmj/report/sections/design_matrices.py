@@ -21,7 +21,7 @@ def compose(material: Material) -> Section | None:
     if not (cases := material.cases):
         return None
     for case in cases:
-        design = case.first.controller.design
+        design = case.controller.design
         key = [design.plant.A, design.plant.B, design.plant.C, design.k, design.L]
         block = next((b for k, b in blocks if _same(k, key)), None)
         if block is None:

@@ -12,7 +12,7 @@ from icmj.base import numbers
 from icmj.base.array import count_steps, is_between
 from icmj.case.motion import curve
 from icmj.case.quantity import quantities
-from icmj.case.result import Result, has_prediction
+from icmj.case.result import Result
 from icmj.errors import DataError
 from icmj.measurement.sway import BEST_KNOWN, Sway, measure_sway
 from icmj.report import style
@@ -99,7 +99,7 @@ def rivals(runs: Sequence[Result]) -> list[list[Rival]]:
             groups.append(group := [])
         group.append(run)
     found = [[rival for run in group if (rival := _rival(run)) is not None] for group in groups]
-    return [group for group in found if len(group) > 1 and not all(has_prediction(rival.run) for rival in group)]
+    return [group for group in found if len(group) > 1 and any(rival.run.prediction is None for rival in group)]
 
 
 def _same_body(one: Result, other: Result) -> bool:

@@ -24,11 +24,11 @@ def compose(material: Material) -> Section | None:
     """What the paper does not print and was chosen here, how the runs were integrated, and where they come from."""
     if not (cases := material.cases):
         return None
-    rules = [case.first.controller.trigger.facts() for case in cases]
+    rules = [case.controller.trigger.facts() for case in cases]
     keys = list(dict.fromkeys(key for rule in rules for key in rule))
     rows = []
     for case, rule in zip(cases, rules, strict=True):
-        run, controller = case.first.run, case.first.controller
+        run, controller = case.first.run, case.controller
         rows.append(
             {
                 "title": run.title,

@@ -11,7 +11,6 @@ from pydantic import model_validator
 
 from icmj.base.array import Array, NonNegative, Positive, is_between
 from icmj.case.case import Case, PlantKind
-from icmj.controller.controller import has_trigger
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.reaction import ground_force, reaction
 from icmj.errors import AnalysisError, DataError
@@ -215,7 +214,7 @@ class IntersectionPointTable(Kind):
     def _theory(self, case: Case, like: IntersectionPoint) -> IntersectionPoint | None:
         """Curve of the continuous loop under noise alone; ``None`` if control is intermittent or has no curve."""
         law = case.controller
-        if law.setpoint or (has_trigger(law) and law.trigger.kind == "event"):
+        if law.setpoint or law.event_rule:
             return None
         plant = case.actual.linearisation.plant
         try:
