@@ -13,7 +13,7 @@ from icmj.base.array import Array, as_naturals, list_multiples
 from icmj.base.card import Card, WithCard
 from icmj.case.case import Case, PlantKind, prepare, revise, simulate, simulate_plant
 from icmj.case.plants import linear_plant
-from icmj.controller.controller import has_trigger
+from icmj.controller.controller import expect_intermittent
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import SimulationError, expect
 from icmj.measurement.sway import sway_numbers
@@ -23,7 +23,7 @@ from icmj.series.interpolation import NEAR
 from icmj.series.series import Series
 from icmj.simulation.settings import MOST_ROWS, Settings, reseed
 from icmj.simulation.simulation import Simulation
-from icmj.work.workers import Task, Workers, processes
+from icmj.work.workers import Task, do, processes
 
 SIGNALS = ("x", "y", "u", "x_o", "x_h")
 NAMES = (*SIGNALS, "events", "sway")
@@ -129,24 +129,17 @@ def simulate_many(
         raise SimulationError(f"keep: {short(keep)}; expected some of {', '.join(NAMES)}, or a function")
     jobs = processes(jobs, -(-n // _ALONE))
     parts = _parts(case, bool(varied))
-    size = _AT_ONCE if jobs == 1 else min(_AT_ONCE, -(-n // (2 * jobs)))
+    size = 1 if jobs == 1 else min(_AT_ONCE, -(-n // (2 * jobs)))  # of one process each run is told
     runs = [slice(first, first + size) for first in range(0, n, size)]
-    work = [(case.run, parts, plant, each[of], {k: values[of] for k, values in varied.items()}, keep) for of in runs]
-    found: list[_Results] = [_Results([], {})] * len(runs)
-    if jobs == 1:
-        for index, arguments in enumerate(work):
-            found[index] = _some(*arguments, like=case)
-            if progress is not None:
-                progress((index + 1) / len(work))
-    else:
-        done = np.zeros(len(work))
-        with Workers(jobs) as workers:
-            for news in workers.run(Task(f"runs of {case.run.case.name}", _some, each_work) for each_work in work):
-                done[news.index] = news.done
-                if news.value is not None:
-                    found[news.index] = news.value
-                if progress is not None:
-                    progress(float(done.mean()))
+    there = (case.run, parts, case if jobs == 1 else None, plant, keep)
+    work = [(*there, each[of], {key: values[of] for key, values in varied.items()}) for of in runs]
+    found, done = [_Results([], {})] * len(runs), np.zeros(len(runs))
+    for news in do([Task(f"runs of {case.run.case.name}", _some, some) for some in work], jobs):
+        done[news.index] = news.done
+        if news.value is not None:
+            found[news.index] = news.value
+        if progress is not None:
+            progress(float(done.mean()))
     names = list(dict.fromkeys(name for part in found for name in part.kept))
     kept = {name: _stack([array for part in found for array in part.kept[name]]) for name in names}
     outcome = tuple(kind for part in found for kind in part.outcome)
@@ -164,11 +157,11 @@ class _Results:
 def _some(
     run: RunFile,
     parts: Mapping[str, Any],
+    like: Case | None,
     plant: PlantKind,
+    keep: Keep,
     seeds: np.ndarray,
     varied: Mapping[str, np.ndarray],
-    keep: Keep,
-    like: Case | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> _Results:
     """Carry out some of the runs, one after the other."""
@@ -218,7 +211,7 @@ LAST = LastCase()
 def _parts(case: Case, varies: bool) -> dict[str, Any]:
     """What another process takes of the case beside its run file: they may have been replaced in it."""
     law = case.controller
-    rule = law.trigger if has_trigger(law) else None
+    rule = getattr(law, "trigger", None)
     own = case.theory is not None and rule is not case.theory.rule
     if varies and (own or case.settings != case.run.simulation.settings()):
         raise SimulationError(
@@ -302,7 +295,7 @@ def _rows(found: Simulation, name: str, case: Case) -> Array:
         rows[there] = values[at[there]]
         return rows
     law = case.controller
-    series = found.to_series(1 / case.settings.record_interval, law if has_trigger(law) else None)
+    series = found.to_series(1 / case.settings.record_interval, expect_intermittent(law) if law.observed else None)
     columns = [place for place, column in enumerate(series.names) if column.startswith(f"{name}.")]
     rows[: len(series)] = series.values[: len(t), columns]
     return rows

@@ -54,7 +54,7 @@ from icmj.study.experiment_file import CaseTable, ExperimentFile, load_experimen
 from icmj.study.kind import CaseResult, Kind, at_work
 from icmj.work.folder import Description, Folder, digest_of, fingerprint_of, provenance, resume
 from icmj.work.own_code import Code
-from icmj.work.workers import Task, Workers, processes
+from icmj.work.workers import Task, do, processes
 
 TRIALS = "trials"
 _MOST_BYTES, _MOST_ROWS = 500e6, 10_000_000
@@ -461,21 +461,12 @@ def _trials(
             whole = (len(every) - len(left) + done) / len(every)
             progress(f"{file.experiment.name}, {len(known)} of {len(every)} trials", 0.95 * whole)
 
-    work = [(kind, one, first + i) for one, i in left]
-    if jobs == 1:
-        for place, arguments in enumerate(work):
-            keep(place, trial(*arguments))
-            tell(place + 1)
-    else:
-        done = np.zeros(len(work))
-        with Workers(jobs) as workers:
-            for news in workers.run(
-                Task(f"{one.case}, trial {seed}", trial, (kind, one, seed)) for kind, one, seed in work
-            ):
-                done[news.index] = news.done
-                if news.value is not None:
-                    keep(news.index, news.value)
-                tell(float(done.sum()))
+    work, done = [(one, first + i) for one, i in left], np.zeros(len(left))
+    for news in do([Task(f"{one.case}, trial {seed}", trial, (kind, one, seed)) for one, seed in work], jobs):
+        done[news.index] = news.done
+        if news.value is not None:
+            keep(news.index, news.value)
+        tell(float(done.sum()))
     return {one: [known[one, i] for i in range(count)] for one in conditions}
 
 

@@ -15,7 +15,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
@@ -435,6 +435,20 @@ def _outcome(future: Any) -> tuple[Any, str]:
         raise SweepError(
             f"a worker of the cluster cannot compute ({one_line(f'{type(error).__name__}: {error}', 300)})"
         ) from error
+
+
+def do(tasks: Sequence[Task], jobs: int) -> Iterator[Message]:
+    """Do all tasks in so many processes, or one after the other in this one if ``jobs`` is 1; yields their messages.
+
+    Raises:
+        IcmjError: what a task raised, or that its process died.
+    """
+    if jobs > 1:
+        with Workers(jobs) as workers:
+            yield from workers.run(tasks)
+        return
+    for index, task in enumerate(tasks):
+        yield Message(index, 1.0, task.function(*task.arguments))
 
 
 class Crew(Protocol):
