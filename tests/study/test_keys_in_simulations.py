@@ -116,7 +116,7 @@ def test_another_value_of_a_key_gives_other_trials_or_results_or_is_refused_by_n
 @pytest.mark.slow
 @pytest.mark.parametrize(("key", "value"), [(key, value) for key, each in OF_THE_FRAME.items() for value in each])
 def test_so_does_one_of_the_frame(key, value, tmp_path):
-    idle, refused = find_idle("quiet_standing", {key: value}, tmp_path)
+    idle, refused = find_idle("multisine", {key: value}, tmp_path)  # whose phases are drawn
     assert not idle
     assert all("interval" in said for said in refused.values()), refused
 
