@@ -90,6 +90,8 @@ def lead_jumps(leads: Array, jumps: Array, t: Array, u: Array, edges: Array) -> 
         t, u: times of the rows [s], rising, and their commands, shapes (N,), (N, n_u).
         edges: [s], rising.
     """
+    if not len(jumps):
+        return leads
     rows = np.flatnonzero(np.isin(t, jumps[:, 0]) & has_instants(t, edges) & ~np.isin(t, leads[:, 0]))
     found = np.vstack([leads, np.column_stack([t, u])[rows]])
     return found[np.argsort(found[:, 0], kind="stable")]
