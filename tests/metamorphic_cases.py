@@ -38,7 +38,6 @@ from scipy.linalg import block_diag
 
 import icmj
 from icmj.case.plants import linear_plant
-from icmj.controller.controller import has_trigger
 from icmj.measurement.sway import measure_sway
 from icmj.simulation.settings import reseed
 
@@ -327,7 +326,7 @@ def exported(run: icmj.Simulation, drawn: Drawn, rate: float) -> icmj.Series:
     trigger = trigger_of(drawn)
     if trigger is not None:
         law = law.triggered_by(trigger)
-    return run.to_series(rate, law if has_trigger(law) else None)
+    return run.to_series(rate, law)
 
 
 def _share(series: icmj.Series, rows: slice) -> str:

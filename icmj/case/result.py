@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from icmj.base import VERSION
 from icmj.base.array import Array
 from icmj.base.card import Card, WithCard
-from icmj.controller.controller import expect_intermittent
 from icmj.controller.law import Law
 from icmj.errors import AnalysisError
 from icmj.measurement.measurement import Measurement, measure
@@ -175,8 +174,7 @@ class Result(WithCard):
         Raises:
             DataError: if the rate is not usable.
         """
-        law = self.controller
-        series = self.simulation.to_series(rate, expect_intermittent(law) if law.observed else None)
+        series = self.simulation.to_series(rate, self.controller)
         return replace(series, facts=self._facts | series.facts)
 
     def to_xarray(self, rate: float | None = None) -> Dataset:

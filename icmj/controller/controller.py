@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeGuard, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -147,14 +147,6 @@ def expect_intermittent(law: Law) -> Controller:
     if not law.observed:
         raise AnalysisError(f"a {law.kind} controller has no design, hold and trigger")
     return cast(Controller, law)
-
-
-def has_trigger(law: Law) -> TypeGuard[Controller]:
-    """Whether a controller takes feedback when a trigger of its own says so: an event rule, a clock, or all the time.
-
-    Such a one has the other parts of :class:`Controller`, too: design, hold and delay.
-    """
-    return law.observed
 
 
 def make_layout(controller: Controller) -> Layout:

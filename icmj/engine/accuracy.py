@@ -22,9 +22,9 @@ import numpy as np
 
 from icmj.base.array import Array, is_between
 from icmj.base.process import INTERPRETED
-from icmj.controller.controller import has_trigger
+from icmj.controller.controller import expect_intermittent
 from icmj.engine.closed_loop import ComposedLoop
-from icmj.engine.flow import Record, follow
+from icmj.engine.flow import Record, Stand, follow
 from icmj.engine.open_loop import EngineOpenLoop
 from icmj.engine.schedule import EVENT_TOLERANCE, Schedule
 from icmj.engine.stepping import Stepping
@@ -98,19 +98,19 @@ def order_of(model: mujoco.MjModel) -> int:
 
 def estimate(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
     """Estimate the error of a run; all NaN where the run is too short to repeat a stretch of it."""
-    if not has_trigger(loop.controller):
-        return _since_a_stand(loop, schedule, record)
-    if loop.controller.delay.in_flight(loop.controller.trigger.clock) > 1:
+    if record.stand is not None:
+        return _since_a_stand(loop, schedule, record, record.stand)
+    controller = expect_intermittent(loop.controller)
+    if controller.delay.in_flight(controller.trigger.clock) > 1:
         return _nothing(loop)  # a row does not hold the events that have not acted yet
     # an interval alone knows nothing of what a set-point is at, which is a state of the controller, too
-    if len(record.events) >= 2 and not loop.controller.setpoint:
+    if len(record.events) >= 2 and not controller.setpoint:
         return _over_an_interval(loop, schedule, record)
     return _over_a_second(loop, schedule, record)
 
 
 def _over_an_interval(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
-    controller = loop.controller
-    assert has_trigger(controller)
+    controller = expect_intermittent(loop.controller)
     first, last = loop.departures(record.events[-2:-1]), record.events[-1]
     begin, stretch = float(record.events[-2, 0]), float(last[0] - record.events[-2, 0])
     if stretch < 2 * schedule.timestep:
@@ -146,13 +146,12 @@ def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Ac
     return scale_error(loop, float("nan"), found, stretch)
 
 
-def _since_a_stand(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
+def _since_a_stand(loop: ComposedLoop, schedule: Schedule, record: Record, stand: Stand) -> Accuracy:
     """The error of the run's last seconds: of the outputs at their end, and of their last switch.
 
     What is read at their begin is that of the run; they are some delays long, so that what is read later is not.
     """
-    end, stand, runs = float(record.rows[-1, 0]), record.stand, []
-    assert stand is not None
+    end, runs = float(record.rows[-1, 0]), []
     for plan in (schedule, halve_timestep(schedule)):
         history, now = copy_of(stand.history, stand.now)
         there = replace(stand, history=history, now=now)

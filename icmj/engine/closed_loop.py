@@ -11,11 +11,11 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, has_trigger
+from icmj.controller.controller import Controller
 from icmj.controller.law import Law
 from icmj.engine.block import Block, find_block, read_numbers
 from icmj.engine.buffers import States
-from icmj.engine.composition import compose, embed, goes_by_steps, repack
+from icmj.engine.composition import EmbeddedController, compose, embed, goes_by_steps, repack
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import depart, make_data, name_states
 from icmj.engine.plant import MujocoPlant
@@ -97,6 +97,16 @@ class ComposedLoop:
         return Acting(self.disturbance, self.errors, self.pushes)
 
     @cached_property
+    def embedded(self) -> EmbeddedController:
+        """What of the controller the model has."""
+        return embed(self.controller)
+
+    @property
+    def own(self) -> int:
+        """Number of the controller's states that the engine integrates."""
+        return self.embedded.own
+
+    @cached_property
     def by_steps(self) -> bool:
         """Whether it is followed step by step, not stretch by stretch."""
         return goes_by_steps(self.controller)
@@ -157,9 +167,7 @@ class ComposedLoop:
             names = [mujoco.mjtWarning(i).name for i, w in enumerate(data.warning) if w.number]
             return ending.end_diverged(t, f"the engine warned ({', '.join(names)})")
         real = self.controller.realisation
-        return ending.end_complete(
-            t, np.diff(events, prepend=0.0) if real.eventful else np.zeros(0), get_least_interval(real)
-        )
+        return ending.end_complete(t, np.diff(events, prepend=0.0), get_least_interval(real))
 
     @contextmanager
     def ready(self) -> Iterator[None]:
@@ -186,7 +194,7 @@ class ComposedLoop:
         """Recorded rows as departures from the operating point; observer and hold of a controller with a trigger."""
         point = self.plant.linearisation.point
         nq, nv, na = len(point.qpos), len(point.qvel), len(point.act)
-        layout = embed(self.controller).real.layout
+        layout = self.embedded.real.layout
         qpos, qvel, act, a, y = np.split(rows[:, 1:], np.cumsum([nq, nv, na, layout.size]), axis=1)
         position = np.zeros((len(rows), nv))
         if nq == nv:
@@ -195,7 +203,8 @@ class ComposedLoop:
             for departure, q in zip(position, qpos, strict=True):
                 mujoco.mj_differentiatePos(self.model, departure, 1.0, point.qpos, np.ascontiguousarray(q))
         x = np.hstack([position, qvel - point.qvel, act - point.act])
-        x_o, x_h = (a[:, layout[name] if has_trigger(self.controller) else slice(0, 0)] for name in ("x_o", "x_h"))
+        observed = self.controller.observed
+        x_o, x_h = (a[:, layout[name] if observed else slice(0, 0)] for name in ("x_o", "x_h"))
         return States(self.plant.linearisation.ports.reduce(x), x_o, x_h, self.y(y))
 
     def y(self, sensordata: Array) -> Array:

@@ -23,7 +23,6 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import has_trigger
 from icmj.controller.law import Law
 from icmj.controller.layout import Layout
 from icmj.controller.realisation import Mode, Realisation
@@ -108,11 +107,13 @@ class EmbeddedController:
     Attributes:
         real: a realisation of one mode, with what the engine integrates as its state.
         powers: number of coefficients of what enters as a function of time alone.
+        own: number of the controller's states that the engine integrates.
         rated: whether that enters the rates of the state, too.
     """
 
     real: Realisation
     powers: int = 0
+    own: int = 0
     rated: bool = False
 
 
@@ -125,7 +126,7 @@ def goes_by_steps(law: Law) -> bool:
     """
     real = law.realisation
     bare = not (real.delay or len(real.signals)) and real.period == np.inf and real.layout.size > 0
-    return real.plain and (has_trigger(law) or bare)
+    return real.plain and (law.observed or bare)
 
 
 def embed(controller: Law) -> EmbeddedController:
@@ -138,19 +139,20 @@ def embed(controller: Law) -> EmbeddedController:
     """
     real = controller.realisation
     if goes_by_steps(controller):
-        return EmbeddedController(real)
+        return EmbeddedController(real, own=real.layout.size)
     n_u, n_y = controller.plant.n_u, controller.plant.n_y
-    own = real.layout.size if not real.tapped else 0
+    joint = not real.tapped
+    own = real.layout.size if joint else 0
     size = max(own, 1)
     M, N, K, S = np.zeros((size, size)), np.zeros((size, n_y)), np.zeros((n_u, size)), np.zeros((n_u, n_y))
-    if not real.tapped:
+    if joint:
         first = real.modes[0]
         M[:own, :own], N[:own], K[:, :own], S[:] = first.M, first.N[:, :n_y], first.K, first.S[:, :n_y]
     mode = Mode("own", M, N, K, S)
     here = Realisation(
         Layout.of(own=size), (mode,), np.eye(size), np.eye(size), np.zeros((0, size)), np.zeros(1, dtype=int)
     )
-    return EmbeddedController(here, POWERS, not real.tapped)
+    return EmbeddedController(here, POWERS, own, joint)
 
 
 def repack(

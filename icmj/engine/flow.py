@@ -237,8 +237,8 @@ def _levels_of(loop: ComposedLoop, schedule: Schedule) -> np.ndarray:
 def _begin(loop: ComposedLoop, taps: Taps, data: mujoco.MjData, a: Array | None) -> tuple[History, ControllerState]:
     """The controller at the begin of a run, where the engine's data are; ``a`` is its state if they do not have it."""
     realisation = loop.controller.realisation
-    if not realisation.tapped:
-        a = data.act[loop.block.act][: realisation.layout.size]
+    if loop.own:
+        a = data.act[loop.block.act][: loop.own]
     if loop.by_steps:
         return begin(taps, realisation, loop.y(data.sensordata), a, capacity=1)
     return begin(taps, realisation, loop.y(data.sensordata) + loop.errors(0.0), a)
@@ -247,7 +247,7 @@ def _begin(loop: ComposedLoop, taps: Taps, data: mujoco.MjData, a: Array | None)
 def _reader_of(loop: ComposedLoop, schedule: Schedule) -> Reader:
     """What a run by stretches reads of the engine."""
     realisation, here, block, n_y = loop.controller.realisation, loop.plant.linearisation, loop.block, loop.n_y
-    joint, ports = not (realisation.tapped or loop.by_steps), here.ports
+    joint, ports = loop.embedded.rated, here.ports
     nu, entries, n_a = len(block.ctrl_0), len(block.y_0), realisation.layout.size
     modes = [at_ports(loop.plant, mode, nu, entries) for mode in realisation.modes if joint]
     M, N, K, S = (
@@ -265,8 +265,8 @@ def _reader_of(loop: ComposedLoop, schedule: Schedule) -> Reader:
 
 def _track_of(loop: ComposedLoop, t: float) -> EngineTrack:
     """Room for what a run records, which is at ``t`` [s]."""
-    real, model = loop.controller.realisation, loop.model
-    samples, own = (1, 0) if loop.by_steps else (_SAMPLES, 0 if real.tapped else real.layout.size)
+    model = loop.model
+    samples, own = (1, 0) if loop.by_steps else (_SAMPLES, loop.own)
     return EngineTrack(
         t=np.array([t, t, t, 0.0]), marks=np.array([-1, 0, 0, 0, 0, 0, 0]),
         at=np.zeros(samples), y=np.zeros((samples, loop.n_y + own)), states=np.zeros((samples, loop.width)),

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, has_trigger, make_layout, realise, start_state
+from icmj.controller.controller import Controller, expect_intermittent, make_layout, realise, start_state
 from icmj.engine.closed_loop import ComposedLoop, close_loop
 from icmj.engine.faults import EngineFault, can_fault
 from icmj.engine.flow import Flow, Log, follow
@@ -39,8 +39,7 @@ class EngineOpenLoop:
 
         ``like`` may be one of the same model, for the same thread: they share their room.
         """
-        controller = loop.controller
-        assert has_trigger(controller)
+        controller = expect_intermittent(loop.controller)
         expect_one_in_flight(controller)
         self.loop, self.controller = loop, controller
         self.schedule = replace(schedule, events=1, record_interval=every)

@@ -17,7 +17,6 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, has_trigger
 from icmj.controller.law import Law
 from icmj.engine.forces import compute_forces
 from icmj.engine.isolation import isolate_engine
@@ -117,18 +116,17 @@ def add_pressure(plant: MujocoPlant, controller: Law, simulation: Simulation) ->
     """The simulation with the ground reaction if the plant stands on a floor, otherwise unchanged."""
     if not (_Ground(plant).at_rest()[1] > 0).any():
         return simulation
-    known = controller if has_trigger(controller) else None
-    return replace(simulation, pressure=centre_of_pressure(plant, simulation, known))
+    return replace(simulation, pressure=centre_of_pressure(plant, simulation, controller))
 
 
-def centre_of_pressure(plant: MujocoPlant, simulation: Simulation, controller: Controller | None = None) -> Pressure:
+def centre_of_pressure(plant: MujocoPlant, simulation: Simulation, controller: Law | None = None) -> Pressure:
     """The ground reaction at every row of ``simulation``, on either plant.
 
     Args:
         plant: the actual plant.
         simulation: a run of this plant.
-        controller: controller of the run; if given, the reaction right after every event is also computed, when the
-            torque has jumped.
+        controller: controller of the run; of an intermittent one, the reaction right after every event is also
+            computed, when the torque has jumped.
 
     Raises:
         ModelError: if the simulation is not one of this plant, or the plant has no contact with a floor at rest.
@@ -148,7 +146,7 @@ def centre_of_pressure(plant: MujocoPlant, simulation: Simulation, controller: C
     after = slice(0, 0)
     u = np.zeros((0, moved.shape[1]))
     at = np.searchsorted(simulation.t, events.t)
-    if controller is not None and not simulation.delay and len(events):
+    if controller and controller.observed and not simulation.delay and len(events):
         after, u = slice(None), simulation.u_after(controller)
         if not simulation.precision.get("saturated_share"):  # else the engine's own limits say what acts
             u = u + (moved - simulation.u)[at]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
 from icmj.base.blas_threads import limit_to_one_thread
-from icmj.controller.controller import has_trigger
+from icmj.controller.controller import expect_intermittent
 from icmj.controller.law import Law
 from icmj.engine.accuracy import estimate, list_facts
 from icmj.engine.buffers import States
@@ -19,14 +19,12 @@ from icmj.engine.flow import Record, follow
 from icmj.engine.limits import apply_limits, find_clipped, has_limit, measure_shares
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.stepping import choose_stepping
-from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.labels import make_labels
-from icmj.simulation.readings import expect_no_observer, expect_readings
 from icmj.simulation.rows import ControllerRows, collect_drives, keep_leads, keep_rows, lead_jumps, lead_rows
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
-from icmj.simulation.start import make_controller_start, make_plant_start, start_states
-from icmj.simulation.taps import get_least_interval, get_modes
+from icmj.simulation.start import start_states
+from icmj.simulation.taps import get_delay, get_least_interval, get_modes
 
 
 @limit_to_one_thread()
@@ -75,15 +73,15 @@ def simulate(
             is not usable.
     """
     linear, real = plant.linearisation.plant, controller.realisation
-    x, a = _start(linear, controller, settings, (x0, x_o0, x_h0, a0))
+    x, a = start_states(linear, controller, settings, x0, x_o0, x_h0, a0)
     loop = close_loop(plant, controller, settings)
     steps = choose_stepping(loop, settings)
     schedule = loop.schedule(settings, steps.timestep, steps.tolerance)
 
     begin = time.perf_counter()
-    repeatable = error_estimate and not has_trigger(controller)
+    repeatable = error_estimate and not controller.observed
     inside = np.zeros(len(loop.block.M))
-    inside[: 0 if real.tapped else len(a)] = a[: 0 if real.tapped else len(a)]
+    inside[: loop.own] = a[: loop.own]
     record = follow(loop, loop.data(x, inside), schedule, progress, a=a, repeatable=repeatable)
     precision = list_facts(loop, steps, schedule, record, time.perf_counter() - begin)
     if error_estimate:
@@ -108,11 +106,11 @@ def simulate(
         outcome=record.outcome,
         precision=precision | reached,
         qpos=record.rows[:, 1 : 1 + loop.model.nq],
-        delay=real.delay if real.eventful else 0.0,
+        delay=get_delay(real),
         applied=acting,
         least=get_least_interval(real),
         noisy=settings.noisy,
-        labels=make_labels(linear, controller.plant) if has_trigger(controller) else make_labels(linear),
+        labels=make_labels(linear, controller.plant if held.x_o.size else None),
         jumps=record.jumps,
         leads=keep_leads(leads, lambda t, u: _limit_leads(plant, loop, record, t, u), loop.acting, more),
         **get_modes(real, record.mode),
@@ -120,30 +118,18 @@ def simulate(
     )
 
 
-def _start(
-    plant: LinearPlant, law: Law, settings: Settings, given: tuple[ArrayLike | None, ...]
-) -> tuple[Array, Array]:
-    """Where plant and controller start, where ``given`` are x0, x_o0, x_h0 and a0."""
-    x0, x_o0, x_h0, a0 = given
-    if has_trigger(law):
-        return start_states(plant, law, settings, x0, x_o0, x_h0)
-    expect_no_observer(law, settings, x_o0, x_h0)
-    size = expect_readings(law, plant).layout.size
-    return make_plant_start(plant, settings, x0), make_controller_start(size, a0)
-
-
 def _hold_rows(law: Law, states: States, u: Array) -> ControllerRows:
     """The controller at rows where its states are these, and its commands ``u``."""
-    if has_trigger(law):
-        return keep_rows(law, states.x_o, states.x_h)
-    return ControllerRows(states.x_o, states.x_h, u, np.full(len(states.x), np.nan))
+    if law.observed:
+        return keep_rows(expect_intermittent(law), states.x_o, states.x_h)
+    return ControllerRows(states.x_o, states.x_h, u, law.faces.E(states.x))
 
 
 def _leads(law: Law, record: Record, rows: States, edges: Array) -> tuple[Array, tuple[Array, ...]]:
     """(t, u) right before the rows of a run that contain what is after, and hold and event function, if there are."""
     t = record.rows[:, 0]
-    if has_trigger(law):
-        return lead_rows(law, t, rows.x_o, rows.x_h, record.events[:, 0], edges)
+    if law.observed:
+        return lead_rows(expect_intermittent(law), t, rows.x_o, rows.x_h, record.events[:, 0], edges)
     return lead_jumps(record.leads, record.jumps, t, record.u, edges), ()
 
 

@@ -13,7 +13,6 @@ from icmj.base.array import Array, as_naturals, list_multiples
 from icmj.base.card import Card, WithCard
 from icmj.case.case import Case, PlantKind, prepare, revise, simulate, simulate_plant
 from icmj.case.plants import linear_plant
-from icmj.controller.controller import expect_intermittent
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import SimulationError, expect
 from icmj.measurement.sway import sway_numbers
@@ -294,8 +293,7 @@ def _rows(found: Simulation, name: str, case: Case) -> Array:
     if there[t <= found.t[-1]].all():
         rows[there] = values[at[there]]
         return rows
-    law = case.controller
-    series = found.to_series(1 / case.settings.record_interval, expect_intermittent(law) if law.observed else None)
+    series = found.to_series(1 / case.settings.record_interval, case.controller)
     columns = [place for place, column in enumerate(series.names) if column.startswith(f"{name}.")]
     rows[: len(series)] = series.values[: len(t), columns]
     return rows

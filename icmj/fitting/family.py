@@ -159,9 +159,9 @@ class Member:
         """
         settings = reseed(self.settings, seed)
         if self.law.observed:
-            simulator = Simulator(self.plant, law := expect_intermittent(self.law), settings, settings.record_interval)
+            simulator = Simulator(self.plant, expect_intermittent(self.law), settings, settings.record_interval)
             loop = simulator.loop
-            found, outcome = simulator.run(loop.state(*start_states(self.plant, law, settings)))
+            found, outcome = simulator.run(loop.state(*start_states(self.plant, self.law, settings)))
             t, x = found.t, loop.x(found.Z)
         else:
             run = simulate(self.plant, self.law, settings)

@@ -21,10 +21,10 @@ from icmj.base.array import Array
 from icmj.controller.closed_loop import CHAIN, ClosedLoop, compose
 from icmj.controller.controller import Controller
 from icmj.controller.layout import Layout
-from icmj.errors import SimulationError
 from icmj.plant.activation import is_activation
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation.disturbance import Disturbance, Pushes
+from icmj.simulation.readings import expect_ports
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,12 +111,7 @@ def make_linear_loop(plant: LinearPlant, controller: Controller, shares: Sequenc
     Raises:
         SimulationError: if inputs or outputs of plant and assumed plant differ in number.
     """
-    assumed = controller.design.plant
-    if (plant.n_u, plant.n_y) != (assumed.n_u, assumed.n_y):
-        raise SimulationError(
-            f"the plant has {plant.n_u} inputs and {plant.n_y} outputs, the controller's model "
-            f"{assumed.n_u} and {assumed.n_y}; they must agree"
-        )
+    expect_ports(controller, plant)
     composed = compose(plant, controller, CHAIN)
     return LinearLoop(_with_products(composed, shares) if len(shares) else composed)
 

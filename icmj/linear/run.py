@@ -20,7 +20,7 @@ from icmj.base.array import Array, balance
 from icmj.base.bernstein import make_bernstein_matrix
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.interruption import defer_interrupt
-from icmj.controller.controller import has_trigger
+from icmj.controller.controller import expect_intermittent
 from icmj.controller.law import Law
 from icmj.controller.realisation import Realisation
 from icmj.linear.loop import find_positions
@@ -34,7 +34,7 @@ from icmj.simulation.grid import list_points
 from icmj.simulation.labels import make_labels
 from icmj.simulation.native.loop import Status
 from icmj.simulation.native.waves import Waves
-from icmj.simulation.readings import expect_no_observer, expect_readings
+from icmj.simulation.readings import expect_readings
 from icmj.simulation.rows import collect_drives, keep_leads, keep_rows, lead_jumps, lead_rows, list_edges, part_rows
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
@@ -43,6 +43,7 @@ from icmj.simulation.taps import (
     POWERS,
     begin,
     compute_first_command,
+    get_delay,
     get_least_interval,
     get_modes,
     lengthen,
@@ -52,7 +53,7 @@ from icmj.simulation.taps import (
     widen,
 )
 
-_TAPPED_ROWS, _TAPPED_EVENTS = 4096, 512  # of the buffers
+_ROWS, _EVENTS = 4096, 512  # of the buffers
 _TURN, _SWING = 1.5, 1.25  # of the loop's series and of a sinusoid's on a stretch; 21 terms leave 1e-16 and 1e-14
 _BLOCK, _BLOCKS = 128, 8  # cells of what lasts that are worked out together
 
@@ -121,8 +122,8 @@ def simulate_tapped(
         t=np.array([0.0, 0.0, breaks[0]]), counts=np.array([1, 0, 0, 0, 0]),
         X=np.zeros((n, POWERS)), y=np.zeros((n_y + 1, POWERS)), room=np.zeros((2, POWERS)),
         high=plant.C @ x, low=plant.C @ x,
-        rows=np.zeros((_TAPPED_ROWS + int(min(H / body.interval, 1e7)), 2 + n + n_u)),
-        events=np.zeros((_TAPPED_EVENTS, 1 + n + 2 * n_y)),
+        rows=np.zeros((_ROWS + int(min(H / body.interval, 1e7)), 2 + n + n_u)),
+        events=np.zeros((_EVENTS, 1 + n + 2 * n_y)),
     )  # fmt: skip
     track.X[:, 0] = x
     rows = [np.concatenate([[0.0], x, compute_first_command(taps, history, now), now.mode[:1]])[None, :]]
@@ -145,10 +146,8 @@ def simulate_tapped(
             if status == Status.FULL:
                 history, now = widen(history), lengthen(now)
             elif status == Status.COMPLETED:
-                happened = np.concatenate(events)[:, 0] if realisation.eventful else np.zeros(0)
-                outcome = ending.end_complete(
-                    settings.duration, np.diff(happened, prepend=0.0), get_least_interval(realisation)
-                )
+                intervals = np.diff(np.concatenate(events)[:, 0], prepend=0.0)
+                outcome = ending.end_complete(settings.duration, intervals, get_least_interval(realisation))
             elif status == Status.FELL:
                 at = int(np.argmax(np.abs(track.X[find_positions(plant), 0]) / limits))
                 outcome = ending.end_fallen(t, names[at], limits[at], units[at])
@@ -193,7 +192,7 @@ def simulate_tapped(
         },
         noisy=settings.noisy,
         labels=make_labels(plant),
-        delay=realisation.delay if realisation.eventful else 0.0,
+        delay=get_delay(realisation),
         least=get_least_interval(realisation),
         jumps=jumps,
         leads=leads,
@@ -287,23 +286,22 @@ def simulate(
         SimulationError: if plant and controller do not fit, a start state is unknown, of the wrong shape or not
             finite, or a disturbance names an unknown input or output.
     """
-    if not has_trigger(controller):
-        expect_no_observer(controller, settings, x_o0, x_h0)
-        return simulate_tapped(plant, controller, settings, x0=x0, progress=progress)
     x, a = start_states(plant, controller, settings, x0, x_o0, x_h0)
-    simulator = Simulator(plant, controller, settings, settings.record_interval)
+    if not controller.observed:
+        return simulate_tapped(plant, controller, settings, x0=x, progress=progress)
+    simulator = Simulator(plant, law := expect_intermittent(controller), settings, settings.record_interval)
     loop = simulator.loop
     found, outcome = simulator.run(loop.state(x, a), progress)
     x, rows, at_events = (
         loop.x(found.Z),
-        *(keep_rows(controller, loop.x_o(Z), loop.x_h(Z), loop.e(Z)) for Z in (found.Z, found.event_Z)),
+        *(keep_rows(law, loop.x_o(Z), loop.x_h(Z), loop.e(Z)) for Z in (found.Z, found.event_Z)),
     )
     beside, acting = simulator.disturbance, make_acting(plant, settings, controller)
     drives = collect_drives(controller, acting, found.t)
-    leads, held = lead_rows(controller, found.t, loop.x_o(found.Z), loop.x_h(found.Z), found.event_t, drives["edges"])
+    leads, held = lead_rows(law, found.t, loop.x_o(found.Z), loop.x_h(found.Z), found.event_t, drives["edges"])
     return Simulation(
         plant="linear",
-        control=controller.trigger.kind,
+        control=law.kind,
         t=found.t,
         x=x,
         y=x @ plant.C.T,
@@ -328,10 +326,10 @@ def simulate(
             "step": simulator.tables.step,
             "series_terms": simulator.tables.A.shape[1],
         },
-        delay=controller.delay.t_d,
-        least=controller.least,
+        delay=law.delay.t_d,
+        least=law.least,
         noisy=settings.noisy,
-        labels=make_labels(plant, controller.design.plant),
+        labels=make_labels(plant, law.plant),
         leads=keep_leads(leads, _adds(beside), acting, held),
         **drives,
     )

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, at_or_after
-from icmj.controller.controller import has_trigger
 from icmj.controller.law import Law
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant, Push
@@ -208,7 +207,7 @@ def expect_held(law: Law, settings: Settings) -> None:
         SimulationError: if there is such noise and the command depends on what the controller reads.
     """
     real, shares = law.realisation, [of.share for of in settings.disturbance if isinstance(of, Gaussian) and of.share]
-    if shares and (not has_trigger(law) or real.N[real.K.any(axis=0)].any()):
+    if shares and (not law.observed or real.N[real.K.any(axis=0)].any()):
         raise SimulationError(
             f"gaussian noise with share = {shares[0]:g} needs commands that follow from a hold between events, not "
             f"from readings as under a {law.kind} controller; give size instead of share, or an event or clock trigger"

@@ -24,6 +24,20 @@ def expect_no_observer(law: Law, settings: Settings, *given: object) -> None:
         raise SimulationError(f"a {law.kind} controller has neither observer nor hold; leave out where they start")
 
 
+def expect_ports(law: Law, plant: LinearPlant) -> None:
+    """Refuse a controller whose model has other numbers of inputs and outputs than the plant.
+
+    Raises:
+        SimulationError: if it has.
+    """
+    assumed = law.plant
+    if (plant.n_u, plant.n_y) != (assumed.n_u, assumed.n_y):
+        raise SimulationError(
+            f"the plant has {plant.n_u} inputs and {plant.n_y} outputs, the controller's model "
+            f"{assumed.n_u} and {assumed.n_y}; they must agree"
+        )
+
+
 def expect_readings(law: Law, plant: LinearPlant) -> Realisation:
     """The controller's realisation, if what it reads is what ``plant`` has.
 
@@ -37,11 +51,7 @@ def expect_readings(law: Law, plant: LinearPlant) -> Realisation:
             f"the realisation of the {law.kind} controller is {one_line(repr(realisation), 60)}; expected a "
             "Realisation of icmj.controller.realisation"
         )
-    if (plant.n_u, plant.n_y) != (assumed.n_u, assumed.n_y):
-        raise SimulationError(
-            f"the plant has {plant.n_u} inputs and {plant.n_y} outputs, the controller's model "
-            f"{assumed.n_u} and {assumed.n_y}; they must agree"
-        )
+    expect_ports(law, plant)
     named = realisation.signals[:, 0]
     if np.any(named != np.floor(named)) or not np.all((named >= 0) & (named < realisation.signals_of(assumed.n_y))):
         raise SimulationError(

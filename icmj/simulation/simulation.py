@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 from icmj.base.array import Array, list_multiples
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import amount, amounts, count
-from icmj.controller.controller import Controller
+from icmj.controller.controller import expect_intermittent
+from icmj.controller.law import Law
 from icmj.controller.setpoint import Setpoint
 from icmj.plant.linear_plant import Push
 from icmj.plant.quality import Notice
@@ -153,9 +154,7 @@ class Simulation(WithCard):
         what = f"{self.plant} plant under {self.control} control"
         return Card(f"{what}, {count(len(self.events), 'event')}, {self.outcome.message}", rows)
 
-    def to_series(
-        self, rate: float | None = None, controller: Controller | None = None, breaks: ArrayLike = ()
-    ) -> Series:
+    def to_series(self, rate: float | None = None, controller: Law | None = None, breaks: ArrayLike = ()) -> Series:
         """Every recorded signal under its name: ``x.ankle``, ``y.shank``, ``u.ankle_torque``, ``x_o.…``, ``x_h.…``.
 
         ``interval`` counts the previous events: it is 0 until the first event, whose row belongs to the interval that
@@ -277,9 +276,13 @@ class Simulation(WithCard):
         """Times of all rows that contain what is before a jump: those of resets and of changes of mode, rising [s]."""
         return np.sort(np.concatenate([self.breaks[0], self.switches]))
 
-    def u_after(self, controller: Controller) -> Array:
-        """The commands of the run's controller right after each event, for a run without a delay; shape (K, n_u)."""
-        k, r = controller.design.k, self.setpoint
+    def u_after(self, controller: Law) -> Array:
+        """The commands of the run's controller right after each event, for a run without a delay; shape (K, n_u).
+
+        Raises:
+            AnalysisError: if it has no observer, from which they follow.
+        """
+        k, r = expect_intermittent(controller).design.k, self.setpoint
         return -self.events.x_o @ k.T + (r(self.events.t) @ r.gain(k).T if r else 0.0)
 
     def events_to_series(self) -> Series:
@@ -320,9 +323,7 @@ class Simulation(WithCard):
         """The force at each place [N], or the torque [N m], or the size of both together; shape (N, K)."""
         return self.pushed * [push.magnitude for push in self.pushes] if self.pushes else self.pushed
 
-    def to_pandas(
-        self, rate: float | None = None, controller: Controller | None = None, breaks: ArrayLike = ()
-    ) -> DataFrame:
+    def to_pandas(self, rate: float | None = None, controller: Law | None = None, breaks: ArrayLike = ()) -> DataFrame:
         """:meth:`to_series` as a pandas ``DataFrame``, indexed by time, with units in ``attrs["units"]``.
 
         Raises:
@@ -330,9 +331,7 @@ class Simulation(WithCard):
         """
         return self.to_series(rate, controller, breaks).to_pandas()
 
-    def to_xarray(
-        self, rate: float | None = None, controller: Controller | None = None, breaks: ArrayLike = ()
-    ) -> Dataset:
+    def to_xarray(self, rate: float | None = None, controller: Law | None = None, breaks: ArrayLike = ()) -> Dataset:
         """:meth:`to_series` as an ``xarray.Dataset``; see :meth:`icmj.Series.to_xarray`.
 
         Raises:
@@ -360,11 +359,11 @@ class Simulation(WithCard):
             plot_inputs=True,
         )
 
-    def _blocks(self, controller: Controller | None) -> list[Block]:
+    def _blocks(self, controller: Law | None) -> list[Block]:
         """The recorded signals, and their values right after each reset where they are known."""
         labels, at = self.labels, np.searchsorted(self.t, self.resets)
         # with a delay the commands of an observer and a hold jump at actions, not at events
-        command = None if controller is None or self.delay else self.u_after(controller)
+        command = self.u_after(controller) if controller and controller.observed and not self.delay else None
         if self.jumps.size:
             place = np.minimum(np.searchsorted(self.jumps[:, 0], self.resets), len(self.jumps) - 1)
             known = np.abs(self.jumps[place, 0] - self.resets) <= NEAR
@@ -381,8 +380,7 @@ class Simulation(WithCard):
             look_up_columns("x_h", labels.assumed, labels.assumed_units, self.x_h, self.x_o[at], held),
         ]
         if np.isfinite(self.E).any():
-            faces = None if controller is None else controller.trigger.faces(controller.design)
-            level = None if faces is None else faces.E(0 * self.x_o[at])[:, None]
+            level = np.full((len(at), 1), -controller.faces.unit) if controller else None
             blocks.append(look_up_columns("", ("E",), ("",), self.E[:, None], level, level_before))
         if self.applied.size:
             limited = bool(self.precision.get("saturated_share"))

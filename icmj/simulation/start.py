@@ -8,19 +8,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, start_state
+from icmj.controller.controller import expect_intermittent, start_state
+from icmj.controller.law import Law
 from icmj.errors import SimulationError
 from icmj.plant.linear_plant import LinearPlant
+from icmj.simulation.readings import expect_no_observer, expect_ports, expect_readings
 from icmj.simulation.settings import Settings
 
 
 def start_states(
     plant: LinearPlant,
-    controller: Controller,
+    controller: Law,
     settings: Settings,
     x: ArrayLike | None = None,
     x_o: ArrayLike | None = None,
     x_h: ArrayLike | None = None,
+    a: ArrayLike | None = None,
 ) -> tuple[Array, Array]:
     """The states at t = 0: of the plant, shape (n,), and of the controller, in its layout.
 
@@ -30,20 +33,26 @@ def start_states(
         settings: names the states that do not start at zero.
         x, x_o, x_h: whole vectors instead; the hold starts where the observer does if ``x_h`` is ``None``, because
             t = 0 is an event.
+        a: state of a controller that has neither, right after an event, shape (N_a,); zero if ``None``.
 
     Raises:
-        SimulationError: if a named state does not exist, or a vector has the wrong shape or is not finite.
+        SimulationError: if a named state does not exist, a vector has the wrong shape or is not finite, or what the
+            controller reads is not what the plant has.
     """
-    if controller.delay.t_d >= settings.duration:
+    if not controller.observed:
+        expect_no_observer(controller, settings, x_o, x_h)
+        size = expect_readings(controller, plant).layout.size
+        return make_plant_start(plant, settings, x), make_controller_start(size, a)
+    expect_ports(controller, plant)
+    if (delay := controller.realisation.delay) >= settings.duration:
         raise SimulationError(
-            f"the delay of {controller.delay.t_d:g} s is not shorter than the run of {settings.duration:g} s: "
-            "no event would ever act"
+            f"the delay of {delay:g} s is not shorter than the run of {settings.duration:g} s: no event would ever act"
         )
-    assumed = controller.design.plant.states
+    assumed = controller.plant.states
     plant_state = make_plant_start(plant, settings, x)
     observer = _start("observer", assumed, settings.observer, x_o)
     hold = observer if x_h is None else _start("hold", assumed, {}, x_h)
-    return plant_state, start_state(controller, observer, hold)
+    return plant_state, start_state(expect_intermittent(controller), observer, hold)
 
 
 def make_plant_start(plant: LinearPlant, settings: Settings, x: ArrayLike | None = None) -> Array:

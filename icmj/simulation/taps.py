@@ -220,7 +220,7 @@ def begin(
     w = np.concatenate([v, a])
     sign = np.array([float(guard(w)) > 0 for guard in realisation.guards], dtype=np.int64)
     queue = np.full(_QUEUE + int(min(taps.delay / taps.clock, ROOM / 8)), np.inf)
-    acts = realisation.eventful and taps.delay > 0
+    acts = get_delay(realisation) > 0
     if acts:
         queue[0] = taps.delay
     return history, ControllerState(
@@ -311,6 +311,11 @@ def get_least_interval(realisation: Realisation) -> float:
     """The least time between two events [s]; 0 with a clock, or without events."""
     rules = len(realisation.cuts) > 1 and realisation.clock == np.inf
     return realisation.sampling + realisation.wait if rules else 0.0
+
+
+def get_delay(realisation: Realisation) -> float:
+    """The time from an event to its action [s]; 0 without events."""
+    return realisation.delay if realisation.eventful else 0.0
 
 
 def get_modes(realisation: Realisation, mode: Array) -> dict[str, Any]:

@@ -17,20 +17,17 @@ from icmj.base.array import Array
 from icmj.base.numbers import format_duration
 from icmj.case.case import Case, PlantKind, expect_measures
 from icmj.case.plants import linear_plant
-from icmj.controller.controller import expect_intermittent
 from icmj.engine.composition import goes_by_steps
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.run import simulate as simulate_mujoco
 from icmj.engine.schedule import find_fastest_rate
 from icmj.errors import SimulationError, StudyError, prefix_errors
-from icmj.linear.loop import make_linear_loop
 from icmj.linear.run import simulate as simulate_linear
 from icmj.plant.linear_plant import match_ports
 from icmj.simulation.disturbance import make_acting
-from icmj.simulation.readings import expect_no_observer, expect_readings
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Gridded
-from icmj.simulation.start import make_plant_start, start_states
+from icmj.simulation.start import start_states
 
 LONGEST = 60.0  # s of estimated work that is started without being asked twice
 STEPS, STRETCHES, ROWS = 1e6, 1e4, 2e5  # up to these a run takes a few seconds at most
@@ -56,14 +53,7 @@ def startable(case: Case, plant: PlantKind) -> None:
     expect_measures(case.run)
     law, settings, there = case.controller, case.settings, linear_plant(case.actual, case.settings)
     with prefix_errors(case.run.path):
-        if law.observed:
-            start_states(there, controller := expect_intermittent(law), settings)
-            if plant == "linear":
-                make_linear_loop(there, controller)
-        else:
-            expect_readings(law, there)
-            expect_no_observer(law, settings)
-            make_plant_start(there, settings, None)
+        start_states(there, law, settings)
         if plant == "mujoco":
             _ = case.stepping  # steps that cannot be taken are refused here
 
