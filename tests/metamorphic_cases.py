@@ -406,7 +406,9 @@ def _measured(drawn: Drawn, rng: random.Random, plant: str) -> str:
             return words
     coarse = play(fine.changed(simulation__record_interval=0.01), plant)
     for rare, interval in ((run, 0.005), (coarse, 0.01)):
-        due = interval * np.arange(int(rare.t[-1] / interval) + 1)
+        # of a fall the last row alone is beyond the limit: those due between it and that before are not recorded
+        fell = rare.outcome.kind == "fell"
+        due = interval * np.arange(int((rare.t[-2] if fell else rare.t[-1]) / interval + 1e-9) + 1)
         lost = due[np.abs(rare.t[np.searchsorted(rare.t, due - 1e-9)] - due) > 1e-9]
         if len(lost):
             return f"no row at {lost[0]:.6f} s, where rows are {interval} s apart"
