@@ -123,7 +123,7 @@ def verdict_in_words(result: Result, converged: bool) -> str:
         result: the run and its prediction.
         converged: whether the run settled on the predicted cycle.
     """
-    prediction, measurement, outcome = result.predicted, result.motion, result.simulation.outcome
+    prediction, measurement, outcome = result.expect_prediction(), result.motion, result.simulation.outcome
     if converged:
         found = beside(prediction, measurement)
         mirror = f"twice the interval, {halves(measurement, found)}" if measurement.p == 2 else "one interval"
@@ -350,7 +350,7 @@ def compare(result: Result) -> Comparison:
     Raises:
         AnalysisError: if its controller has no event rule, and hence no prediction.
     """
-    about = beside(result.predicted, result.motion)
+    about = beside(result.expect_prediction(), result.motion)
     predicted = Predicted(**collect_facts(PREDICTION, about, "record"))
     measured = Measured(**collect_facts(RUN, result, "record"))
     off = {

@@ -104,7 +104,7 @@ class LaidOrbit:
 
 def lay_orbit(result: Result) -> LaidOrbit | None:
     """The orbit that the run settled on, or else that at Δ_crit, aligned with the run; ``None`` without an orbit."""
-    orbit, simulation = beside(result.predicted, result.motion).orbit, result.simulation
+    orbit, simulation = beside(result.expect_prediction(), result.motion).orbit, result.simulation
     if orbit is None:
         return None
     n, n_hat = result.actual.n, result.assumed.n

@@ -86,7 +86,7 @@ def modes(result: Result, x_bar: Array) -> NDArray[np.complex128]:
 
     A mode is real if its eigenvalue is, as the critical one is; of a complex pair the real part is one phase.
     """
-    V_inv = result.predicted.V_inv
+    V_inv = result.expect_prediction().V_inv
     assert V_inv is not None
     return x_bar @ V_inv.T
 

@@ -123,9 +123,8 @@ class Result(WithCard):
     measures: Mapping[str, float] = field(default_factory=dict)
     sway: Mapping[str, float] = field(default_factory=dict)
 
-    @property
-    def predicted(self) -> Prediction:
-        """Its prediction.
+    def expect_prediction(self) -> Prediction:
+        """Its prediction, where there has to be one.
 
         Raises:
             AnalysisError: if its controller has no event rule, and hence no prediction.

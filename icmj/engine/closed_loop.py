@@ -97,14 +97,14 @@ class ComposedLoop:
         return Acting(self.disturbance, self.errors, self.pushes)
 
     @cached_property
-    def embedded(self) -> EmbeddedController:
+    def embedding(self) -> EmbeddedController:
         """What of the controller the model has."""
         return embed(self.controller)
 
     @property
     def own(self) -> int:
         """Number of the controller's states that the engine integrates."""
-        return self.embedded.own
+        return self.embedding.own
 
     @cached_property
     def by_steps(self) -> bool:
@@ -194,7 +194,7 @@ class ComposedLoop:
         """Recorded rows as departures from the operating point; observer and hold of a controller with a trigger."""
         point = self.plant.linearisation.point
         nq, nv, na = len(point.qpos), len(point.qvel), len(point.act)
-        layout = self.embedded.real.layout
+        layout = self.embedding.real.layout
         qpos, qvel, act, a, y = np.split(rows[:, 1:], np.cumsum([nq, nv, na, layout.size]), axis=1)
         position = np.zeros((len(rows), nv))
         if nq == nv:

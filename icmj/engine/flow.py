@@ -247,7 +247,7 @@ def _begin(loop: ComposedLoop, taps: Taps, data: mujoco.MjData, a: Array | None)
 def _reader_of(loop: ComposedLoop, schedule: Schedule) -> Reader:
     """What a run by stretches reads of the engine."""
     realisation, here, block, n_y = loop.controller.realisation, loop.plant.linearisation, loop.block, loop.n_y
-    joint, ports = loop.embedded.rated, here.ports
+    joint, ports = loop.embedding.rated, here.ports
     nu, entries, n_a = len(block.ctrl_0), len(block.y_0), realisation.layout.size
     modes = [at_ports(loop.plant, mode, nu, entries) for mode in realisation.modes if joint]
     M, N, K, S = (

@@ -22,10 +22,10 @@ ROOM = 0.36  # of the time shown: left free at the right of the curves, for the 
 
 def make_blueprint(result: Result) -> rrb.Blueprint:
     """The arrangement for ``result``, without views of data that it does not have."""
-    if result.prediction is None:
+    if (prediction := result.prediction) is None:
         return _whole(result)
     control = result.simulation.control
-    window = _window(result)
+    window = _window(result, prediction.delta_crit)
     left: list[Any] = [show_body(result)] if result.scene is not None else []
     left.append(_phase_plane())
     states = [
@@ -45,7 +45,7 @@ def make_blueprint(result: Result) -> rrb.Blueprint:
     right: list[Any] = [rrb.TextDocumentView(origin="summary", name="Summary")]
     if control != "continuous":
         right.append(plot("Open-loop interval [s], whole run", "interval", show_whole_run(result), ahead=True))
-    if result.prediction.V_inv is not None:
+    if prediction.V_inv is not None:
         right.append(plot("Eigenvector analysis χ", "modes", window))
     return arrange(
         rrb.Vertical(*left, row_shares=[3, 2][: len(left)]),
@@ -89,11 +89,11 @@ def arrange(*columns: rrb.Vertical) -> rrb.Blueprint:
     )
 
 
-def _window(result: Result) -> rrb.TimeAxis:
+def _window(result: Result, delta_crit: float | None) -> rrb.TimeAxis:
     """A time axis that follows the cursor: some intervals before it, and room for the legend after it."""
     simulation, interval = result.simulation, result.motion.interval
     if interval is None or not np.isfinite(interval) or interval <= 0:
-        interval = result.predicted.delta_crit or float(simulation.t[-1]) / 10
+        interval = delta_crit or float(simulation.t[-1]) / 10
     interval = min(interval, float(simulation.t[-1]) / 10)
     return rrb.TimeAxis(
         view_range=rr.TimeRange(

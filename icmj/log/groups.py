@@ -21,6 +21,7 @@ from icmj.controller.setpoint import Setpoint
 from icmj.log import palette
 from icmj.log.palette import Colour
 from icmj.simulation.simulation import Simulation
+from icmj.theory.prediction import Prediction
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +53,13 @@ class Entity:
 
 def list_groups(result: Result) -> Iterator[Entity]:
     """Every group of series of ``result``; those that do not exist (no cycle, no trigger ...) are left out."""
-    if result.prediction is None:
+    if (prediction := result.prediction) is None:
         yield from _bare_signals(result)
     else:
-        yield from _signals(result)
+        yield from _signals(result, prediction)
         yield from _trigger(result)
-        yield from _intervals(result)
-        yield from _modes(result)
+        yield from _intervals(result, prediction)
+        yield from _modes(result, prediction)
     yield from list_acting_groups(result)
     yield from list_pressure_groups(result)
     run = result.simulation
@@ -78,9 +79,9 @@ def _bare_signals(result: Result) -> Iterator[Entity]:
     yield from list_setpoint_groups(run)
 
 
-def _signals(result: Result) -> Iterator[Entity]:
+def _signals(result: Result, prediction: Prediction) -> Iterator[Entity]:
     """Outputs, inputs and states: continuous, predicted and run, in this (alphabetical) order drawn on each other."""
-    simulation, continuous, prediction = result.simulation, result.continuous, result.predicted
+    simulation, continuous = result.simulation, result.continuous
     y_names, u_names = result.actual.outputs, result.actual.inputs
     y_colours, u_colours = palette.choose_colours(len(y_names)), palette.choose_colours(len(u_names))
     laid = lay_orbit(result) if prediction.cycle else None
@@ -176,9 +177,9 @@ def _trigger(result: Result) -> Iterator[Entity]:
         yield Entity("trigger/events", events.t, at, ("event",), (palette.EVENT,), 3.0, "points")
 
 
-def _intervals(result: Result) -> Iterator[Entity]:
+def _intervals(result: Result, prediction: Prediction) -> Iterator[Entity]:
     """Open-loop interval as it runs and at events, with Δ_crit."""
-    simulation, prediction = result.simulation, result.predicted
+    simulation = result.simulation
     if simulation.control == "continuous":
         return
     t, since = running_interval(simulation)
@@ -192,9 +193,9 @@ def _intervals(result: Result) -> Iterator[Entity]:
         yield Entity("interval/events", simulation.events.t, at, ("Δ_i",), (palette.EVENT,), 4.0, "points")
 
 
-def _modes(result: Result) -> Iterator[Entity]:
+def _modes(result: Result, prediction: Prediction) -> Iterator[Entity]:
     """χ, its real part, with ±γ and the critical mode at the events."""
-    simulation, prediction = result.simulation, result.predicted
+    simulation = result.simulation
     if prediction.V_inv is None:
         return
     chi = modes(result, reduce_state(result, simulation.x, simulation.x_o, simulation.x_h)).real

@@ -32,7 +32,7 @@ def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
     """Write the phase plane of ``result``: approach dim, second half bright, events, orbit, and the present point."""
     simulation = result.simulation
     y, rate = simulation.y, output_rate(result, simulation.x, simulation.u)
-    laid = lay_orbit(result) if result.predicted.cycle else None
+    laid = lay_orbit(result) if result.expect_prediction().cycle else None
     orbit = None if laid is None else (laid.whole(laid.orbit.y), laid.whole(laid.rate))
     late = is_between(simulation.t, simulation.t[-1] * (1 - LATE))
     seen = [(y[late], rate[late])] + ([orbit] if orbit is not None else [])

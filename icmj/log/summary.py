@@ -28,7 +28,7 @@ def summarise(result: Result, compared: Comparison | None) -> Properties:
     """
     if compared is None:
         return _join(result, result.words, {"controller": _settings(result)})
-    prediction, motion, outputs = result.predicted, result.motion, result.actual.outputs
+    prediction, motion, outputs = result.expect_prediction(), result.motion, result.actual.outputs
     error = compared.relative_error
     off = () if error.amplitude is None else error.amplitude
     topics: dict[str, dict[str, Any]] = {
@@ -86,7 +86,7 @@ def write_markdown(result: Result, compared: Comparison | None) -> str:
         else:
             mean = fact.name == "interval" and measured.kind == "noisy"  # which is not a cycle's interval
             rows.append((in_unit(fact.label, fact.unit), *three[:2], None if mean else three[2]))
-    cycle, orbits = "a limit cycle" if predicted.cycle else "no limit cycle", result.predicted.orbits
+    cycle, orbits = "a limit cycle" if predicted.cycle else "no limit cycle", result.expect_prediction().orbits
     eigenvalue = "" if predicted.eigenvalue is None else f" λ_crit = {eigenvalue_in_words(predicted.eigenvalue)};"
     lines = [
         *_head(result),

@@ -43,7 +43,7 @@ class CaseRuns:
     @property
     def prediction(self) -> Prediction:
         """The linear theory's prediction, the same for both plants."""
-        return self.first.predicted
+        return self.first.expect_prediction()
 
     @property
     def controller(self) -> Controller:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from icmj.base.array import Array
     from icmj.case.result import Result
     from icmj.cli.terminal import Terminal
+    from icmj.theory.prediction import Prediction
 
 
 TOLD = 10.0  # s of estimated work that is announced
@@ -90,13 +91,13 @@ def _show_run(result: Result, log: Path, out: Terminal, changed: bool, spread: s
     from icmj.cli.comparisons import show_comparisons
     from icmj.simulation.simulation import get_relative_error
 
-    if result.prediction is not None:
+    if (prediction := result.prediction) is not None:
         show_comparisons([compare(result)], out, changed=changed)
         out.say(f"The run {result.simulation.outcome.message}, with {count(len(result.simulation.events), 'event')}.")
         out.say(result.words)
         if spread:
             out.say(spread)
-        out.say(_say_peaks(result))
+        out.say(_say_peaks(result, prediction))
     else:
         for notice in result.notices:
             out.note(notice)
@@ -111,7 +112,7 @@ def _show_run(result: Result, log: Path, out: Terminal, changed: bool, spread: s
     out.say(f"show  icmj replay {log}", wrap=False)
 
 
-def _say_peaks(result: Result) -> str:
+def _say_peaks(result: Result, prediction: Prediction) -> str:
     """The largest values of the outputs, with those of the predicted cycle, if there is one, in brackets."""
     from icmj.base.numbers import amount
     from icmj.case.laid_orbit import beside
@@ -123,7 +124,7 @@ def _say_peaks(result: Result) -> str:
         return f"{text}°" if unit == "deg" else text
 
     units, names = quantities(result.actual), result.actual.outputs
-    found, prediction = result.motion.amplitude, beside(result.predicted, result.motion)
+    found, prediction = result.motion.amplitude, beside(prediction, result.motion)
     cycle = prediction.amplitude if prediction.cycle else None
     peaks = [
         f"{name} {show(found, i)}" + ("" if cycle is None else f" ({show(cycle, i)})") for i, name in enumerate(names)
