@@ -111,6 +111,11 @@ class ComposedLoop:
         """Whether it is followed step by step, not stretch by stretch."""
         return goes_by_steps(self.controller)
 
+    @cached_property
+    def fastest_rate(self) -> float:
+        """Largest |λ| of plant and controller between events [rad/s]."""
+        return find_fastest_rate(self.plant.linearisation.plant, self.controller)
+
     @property
     def noise(self) -> float:
         """The fastest sinusoid that acts on it [rad/s]."""
@@ -123,7 +128,6 @@ class ComposedLoop:
             SimulationError: if a limit names what is no position.
         """
         # noise may be faster than the loop, and shakes E
-        own = find_fastest_rate(self.plant.linearisation.plant, self.controller)
         edges = list_points(self.acting.edges, self.acting.gaussian, settings.duration)
         return Schedule(
             timestep=timestep,
@@ -133,7 +137,7 @@ class ComposedLoop:
             phases=choose_phases(edges),
             record_interval=settings.record_interval,
             limits=self.plant.limits(settings.limit),
-            rate=max(own, self.noise),
+            rate=max(self.fastest_rate, self.noise),
             breaks=list_edges(self.acting, self.controller),
         )
 

@@ -38,10 +38,9 @@ from icmj.engine.native.state import (
 )
 from icmj.engine.native.steps import compile_steps
 from icmj.engine.native.stretches import compile_stretches
-from icmj.engine.schedule import Schedule, find_fastest_rate
+from icmj.engine.schedule import Schedule
 from icmj.errors import ModelError
 from icmj.simulation import ending
-from icmj.simulation.disturbance import make_no_disturbance
 from icmj.simulation.native.loop import Status
 from icmj.simulation.rows import part_rows
 from icmj.simulation.taps import (
@@ -149,7 +148,8 @@ class Flow:
         self.history, self.now = _begin(loop, self.taps, data, a) if stand is None else (stand.history, stand.now)
         if loop.by_steps:  # its state is the engine's own
             self.now = self.now._replace(a=self._faces.a)
-        self._reader, self.track = _reader_of(loop, schedule), _track_of(loop, data.time)
+        self._reader = None if loop.by_steps else _reader_of(loop, schedule)
+        self.track = _track_of(loop, data.time)
         self._levels = _levels_of(loop, schedule)
         self._lean = self._leave_out()
         outputs = self.track.y.shape[1] - loop.n_y + loop.model.nsensordata
@@ -218,11 +218,11 @@ class Flow:
 
 def _taps_of(loop: ComposedLoop) -> Taps:
     """The controller's numbers for compiled code."""
-    realisation, here = loop.controller.realisation, loop.plant.linearisation
+    realisation = loop.controller.realisation
     rate = 1.0  # steps have no stretches
     if not loop.by_steps:
         # of a step that is a whole stretch the dense output is coarser than its end, from which its length follows
-        own = max([find_fastest_rate(here.plant, loop.controller), *(1 / tau for tau in realisation.delayed[:1])])
+        own = max([loop.fastest_rate, *(1 / tau for tau in realisation.delayed[:1])])
         rate = max(own, loop.noise / _SWING)
     return make_taps(realisation, loop.n_y, rate, exact=False)
 
@@ -254,12 +254,11 @@ def _reader_of(loop: ComposedLoop, schedule: Schedule) -> Reader:
         np.array([getattr(mode, letter) for mode in modes], dtype=float).reshape(len(modes), *shape)
         for letter, shape in (("M", (n_a, n_a)), ("N", (n_a, entries)), ("K", (nu, n_a)), ("S", (nu, entries)))
     )
-    errors = make_no_disturbance(n_y) if loop.by_steps else loop.errors
     return Reader(
         entries=ports.entries.astype(np.int64), gain=np.ascontiguousarray(ports.g),
         offset=np.ascontiguousarray(ports.beta - here.y),
         actuators=ports.actuators.astype(np.int64), b=np.ascontiguousarray(ports.b),
-        errors=make_waves(schedule.t_end, (errors, np.eye(n_y))), joint=joint, M=M, N=N, K=K, S=S,
+        errors=make_waves(schedule.t_end, (loop.errors, np.eye(n_y))), joint=joint, M=M, N=N, K=K, S=S,
     )  # fmt: skip
 
 

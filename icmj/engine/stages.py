@@ -7,7 +7,6 @@ model has none of these, fewer calls of the same functions give the same acceler
 from __future__ import annotations
 
 from enum import IntEnum
-from functools import cache
 
 import mujoco
 import numpy as np
@@ -22,36 +21,35 @@ class Stages(IntEnum):
 
 
 _Joint, _Sensor, _Disable = mujoco.mjtJoint, mujoco.mjtSensor, mujoco.mjtDisableBit
-_KINEMATIC = (
-    "JOINTPOS", "TENDONPOS", "BALLQUAT", "FRAMEPOS", "FRAMEQUAT", "FRAMEXAXIS", "FRAMEYAXIS", "FRAMEZAXIS",
-    "SUBTREECOM", "JOINTVEL", "BALLANGVEL", "GYRO", "VELOCIMETER", "FRAMELINVEL", "FRAMEANGVEL", "CLOCK",
-)  # fmt: skip
-_DRIVEN = "ACTUATORPOS", "ACTUATORVEL", "TENDONVEL", "SUBTREELINVEL", "SUBTREEANGMOM"
-
-
-@cache
-def _kinds(names: tuple[str, ...]) -> np.ndarray:
-    """Sensor types by their names."""
-    return np.array([int(getattr(_Sensor, f"mjSENS_{name}")) for name in names])
+_KINEMATIC = {
+    int(getattr(_Sensor, f"mjSENS_{name}"))
+    for name in (
+        "JOINTPOS", "TENDONPOS", "BALLQUAT", "FRAMEPOS", "FRAMEQUAT", "FRAMEXAXIS", "FRAMEYAXIS", "FRAMEZAXIS",
+        "SUBTREECOM", "JOINTVEL", "BALLANGVEL", "GYRO", "VELOCIMETER", "FRAMELINVEL", "FRAMEANGVEL", "CLOCK",
+    )
+}  # fmt: skip
+_DRIVEN = {
+    int(getattr(_Sensor, f"mjSENS_{name}"))
+    for name in ("ACTUATORPOS", "ACTUATORVEL", "TENDONVEL", "SUBTREELINVEL", "SUBTREEANGMOM")
+}
+_KNOWN = {
+    int(getattr(mujoco.mjtDyn, f"mjDYN_{name}"))
+    for name in ("NONE", "INTEGRATOR", "FILTER", "FILTEREXACT", "MUSCLE", "USER")
+}
+# activations that the engine itself moves by more than their rate
+_MOVED = {int(mujoco.mjtDyn.mjDYN_INTEGRATOR), int(mujoco.mjtDyn.mjDYN_FILTEREXACT)}
 
 
 def choose_stages(model: mujoco.MjModel) -> Stages:
     """The fewest stages that give the accelerations of a composed model."""
-    sensors = model.sensor_type[model.sensor_needstage != mujoco.mjtStage.mjSTAGE_ACC]
-    simple = np.isin(sensors, _kinds(_KINEMATIC))
-    # activations that the engine itself moves by more than their rate
-    moved = np.isin(model.actuator_dyntype, (mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_FILTEREXACT)).any()
+    sensors = set(model.sensor_type[model.sensor_needstage != mujoco.mjtStage.mjSTAGE_ACC].tolist())
+    driven = sensors - _KINEMATIC
     odd = model.flg_adhesion or model.opt.disableactuator or model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_ENERGY
     odd = odd or model.opt.disableflags & (_Disable.mjDSBL_ACTUATION | _Disable.mjDSBL_SENSOR)
-    if (
-        odd
-        or moved
-        or not is_flow(model)
-        or may_constrain(model)
-        or not np.isin(sensors[~simple], _kinds(_DRIVEN)).all()
-    ):
+    moved = not _MOVED.isdisjoint(model.actuator_dyntype.tolist())
+    if odd or moved or not is_flow(model) or may_constrain(model) or not driven <= _DRIVEN:
         return Stages.WHOLE
-    return Stages.PLAIN if simple.all() and _plain(model) else Stages.SMOOTH
+    return Stages.PLAIN if not driven and _plain(model) else Stages.SMOOTH
 
 
 def may_constrain(model: mujoco.MjModel) -> bool:
@@ -76,10 +74,8 @@ def is_flow(model: mujoco.MjModel) -> bool:
 
 def has_rates(model: mujoco.MjModel) -> bool:
     """Whether a step moves the state by its rates, and at most takes activations back into their ranges."""
-    known = ("NONE", "INTEGRATOR", "FILTER", "FILTEREXACT", "MUSCLE", "USER")
-    kinds = [int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in known]
     awake = not model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP and not model.nplugin and not model.nflex
-    return bool(not model.nplastic and awake and np.isin(model.actuator_dyntype, kinds).all())
+    return bool(not model.nplastic and awake and _KNOWN.issuperset(model.actuator_dyntype.tolist()))
 
 
 def _plain(model: mujoco.MjModel) -> bool:
