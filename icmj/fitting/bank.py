@@ -360,7 +360,7 @@ def _describe(family: Family, plan: BankPlan) -> Description:
         "run": family.file.base.text,
     }  # fmt: skip
     mark = {"family": _mark(family, plan.trials, plan.duration), "seed": plan.seed}
-    return Description(WHAT, DRAWS, mark, "family, seed or trials", more, _facts)
+    return Description(WHAT, DRAWS, mark, lambda _: "another family, seed or trials", more, _facts)
 
 
 def _mark(family: Family, trials: int, duration: float) -> str:

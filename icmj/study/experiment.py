@@ -109,8 +109,25 @@ def resume_experiment(
     if recordings:
         analysed = file.model_dump(exclude={"case": True, "experiment": {"title", "repetitions"}})
         mark = {"fingerprint": fingerprint_of({"file": analysed} | _own_sources(file)), "recordings": list(recordings)}
-    kinds = "experiment file or recording" if recordings else "experiment file, run file, model or code"
-    return resume(path, Description("experiment", TRIALS, mark, kinds, more), StudyError, again="simulated")
+    of = Description("experiment", TRIALS, mark, lambda known: _find_another(known, mark), more)
+    return resume(path, of, StudyError, again="simulated")
+
+
+def _find_another(known: Mapping[str, Any], mark: Mapping[str, Any]) -> str:
+    """What results are of whose description is not this, in words: an experiment file, or recordings by their names."""
+    ours, theirs = mark.get("recordings", []), known.get("recordings", [])
+    theirs = [one for one in theirs if isinstance(one, dict)] if isinstance(theirs, list) else []
+    if not ours:
+        return "recordings" if theirs else "another experiment file, run file, model or code"
+    if not theirs:
+        return "simulations"
+    if known.get("fingerprint") != mark["fingerprint"]:
+        return "another experiment file"
+    names, digests = ([[str(one.get(key)) for one in each] for each in (ours, theirs)] for key in ("name", "sha256"))
+    if names[0] != names[1]:
+        return f"the recordings {', '.join(names[1])}"
+    changed = [name for name, now, before in zip(names[0], *digests, strict=True) if now != before]
+    return f"{', '.join(changed)}, changed since" if changed else f"another part or rate of {', '.join(names[0])}"
 
 
 def fingerprint(file: ExperimentFile) -> str:

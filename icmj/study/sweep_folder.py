@@ -158,7 +158,7 @@ def resume_sweep(path: Path | str | None, plan: Plan) -> Iterator[tuple[Dataset,
         "run_path": base.path.name,
     }
     mark = {"fingerprint": plan.fingerprint, "points": len(plan), "chunk": plan.chunk}
-    of = Description(WHAT, POINTS, mark, "sweep file, run file, model or code", more, parse_facts)
+    of = Description(WHAT, POINTS, mark, lambda _: "another sweep file, run file, model or code", more, parse_facts)
     with resume(path, of, SweepError, beside=(TIMING,)) as folder:
         dataset = Dataset(folder.path, folder)
         yield dataset, {chunk for chunk, _ in dataset.chunks(["point", "status"], schema(plan))}

@@ -139,7 +139,7 @@ class Description:
         what: in a word, such as ``sweep``; the description is ``sweep.json``.
         parts: folder of what is finished.
         mark: what must be the same for it to go on, such as a fingerprint.
-        of: what is another one where the mark differs, in words.
+        of: what is another one where the mark differs, in words; it is given the description that is there.
         more: what else is written, for people.
         check: raises ValueError if a description that is there is none.
         versions: of the packages that decide the results; these must be the same, too.
@@ -148,7 +148,7 @@ class Description:
     what: str
     parts: str
     mark: Mapping[str, Any]
-    of: str
+    of: Callable[[Mapping[str, Any]], str]
     more: Mapping[str, Any]
     check: Callable[[bytes], object] = bool
     versions: Mapping[str, str] = field(default_factory=versions)
@@ -237,7 +237,7 @@ class Folder:
         self.describe(of.what, of.check)
         known = self.describe(of.what, _table)
         if any(known.get(key) != value for key, value in of.mark.items()):
-            raise self._error(f"{self.path}: holds another {of.what}, of another {of.of}; {instead}")
+            raise self._error(f"{self.path}: holds another {of.what}, of {one_line(of.of(known), 400)}; {instead}")
         before = known["versions"] if isinstance(known.get("versions"), dict) else {}
         now = of.versions  # folders of earlier versions do not have all of them
         other = [f"{name} {old} (now {now[name]})" for name, old in before.items() if old != now.get(name, old)]

@@ -255,13 +255,19 @@ def test_a_folder_of_results_belongs_to_its_recordings(tmp_path):
     assert source[0]["sha256"] == hashlib.sha256(anna.read_bytes()).hexdigest()
     kept = (out / "results.parquet").read_bytes()
     icmj.analyse_recordings(file, [anna], out)
-    for others, part in (([ben], {}), ([anna, ben], {}), ([anna], {"since": 5.0})):
-        with pytest.raises(StudyError, match="another experiment file or recording; choose another"):
-            icmj.analyse_recordings(file, others, out, **part)
-    with pytest.raises(StudyError, match="holds another experiment"):
+    other = file_of(file.text.replace("low_pass = 10.0", "low_pass = 9.0"), tmp_path)
+    for made, others, part, words in (
+        (file, [ben], {}, "of the recordings anna.csv"),
+        (file, [anna, ben], {}, "of the recordings anna.csv"),
+        (file, [anna], {"since": 5.0}, "of another part or rate of anna.csv"),
+        (other, [anna], {}, "of another experiment file"),
+    ):
+        with pytest.raises(StudyError, match=f"holds another experiment, {words}; choose another --out"):
+            icmj.analyse_recordings(made, others, out, **part)
+    with pytest.raises(StudyError, match="holds another experiment, of recordings; choose another"):
         icmj.run_experiment(file, out)
     anna.write_bytes(ben.read_bytes())
-    with pytest.raises(StudyError, match="holds another experiment"):
+    with pytest.raises(StudyError, match=r"holds another experiment, of anna\.csv, changed since; choose another"):
         icmj.analyse_recordings(file, [anna], out)
     assert (out / "results.parquet").read_bytes() == kept
 

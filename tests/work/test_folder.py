@@ -97,7 +97,7 @@ def test_digests_that_are_no_file_are_refused(make, tmp_path: Path) -> None:
 
 
 def _description(mark: str) -> Description:
-    return Description("thing", "parts", {"fingerprint": mark}, "thing file", {"name": "a"})
+    return Description("thing", "parts", {"fingerprint": mark}, lambda _: "another thing file", {"name": "a"})
 
 
 @pytest.mark.parametrize("finished", [True, False])
