@@ -20,6 +20,8 @@ What people meet first is here; the rest is in the rooms, such as :mod:`icmj.the
 ``__init__.pyi``; they are loaded on first use, so that importing icmj costs nothing.
 """
 
+from importlib import import_module
+
 import lazy_loader
 
 from icmj.base import VERSION as __version__  # noqa: F401
@@ -35,6 +37,8 @@ def __getattr__(name: str) -> object:
     """
     if name in __all__:
         return _load(name)
+    if name == "fitting":  # a room of before, whose names warn
+        return import_module("icmj.fitting")
     raise AttributeError(f"icmj has no attribute {name!r}{_where(name)}")
 
 

@@ -8,7 +8,8 @@ from . import cycle as cycle
 from . import engine as engine
 from . import errors as errors
 from . import experiments as experiments
-from . import fitting as fitting
+from . import fits as fits
+from . import identification as identification
 from . import log as log
 from . import measurement as measurement
 from . import plant as plant
@@ -58,8 +59,9 @@ from .experiments.multisine import multisine as multisine
 from .experiments.quiet_standing import quiet_standing as quiet_standing
 from .experiments.refractoriness import refractoriness as refractoriness
 from .experiments.switching_rounds import attraction as attraction
-from .fitting.family import load_family as load_family
-from .fitting.identification import identify as identify
+from .fits.family import load_family as load_family
+from .fits.fit import fit as fit
+from .identification.identification import identify as identify
 from .log.reader import read_log as read_log
 from .log.writer import write_log as write_log
 from .measurement.measurement import measure as measure
@@ -89,7 +91,6 @@ from .simulation.sources import Step as Step
 from .study.experiment import analyse_recordings as analyse_recordings
 from .study.experiment import run_experiment as run_experiment
 from .study.experiment_file import load_experiment as load_experiment
-from .study.fit import fit as fit
 from .study.study import run_case as run_case
 from .study.study import run_study as run_study
 from .study.sweep import sweep as sweep

@@ -854,7 +854,7 @@ done = icmj.analyse_recordings(experiment("rest"), ["sway.csv"], f"out-{gone}")
 numbers = done.found[0].finding.numbers
 assert [name for name in numbers if name.startswith("ap, ")][-1] == "ap, share of trials of several modes"
 assert len(numbers) == 2 * (len(numbers_of()) + 1) and "ap has" in done.found[0].words
-from icmj.fitting.summaries import summarise
+from icmj.fits.summaries import summarise
 walk = np.cumsum(np.random.default_rng(1).standard_normal(4000)) * 1e-4
 from matplotlib.figure import Figure
 needed = {"root_mean_square", "mean_speed", "power_distribution", "stabilogram"}
@@ -869,7 +869,7 @@ for draw, lost in (("sway_path", None), ("sway_diffusion", "stabilogram"), ("swa
     except IcmjError as error:
         assert gone == lost and "\\n" not in str(error), error
 from icmj.report.sections.noise_statistics import compose  # noqa: F401
-from icmj.study.fit_page import write_fit  # noqa: F401
+from icmj.fits.page import write_fit  # noqa: F401
 """,
     alone=True,
 )

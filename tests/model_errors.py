@@ -19,11 +19,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import icmj
-from icmj.fitting.identification import Identification, identify
-from icmj.fitting.inversion import Inverse
-from icmj.fitting.observed import Observed
-from icmj.fitting.rhythm import Rhythm
-from icmj.fitting.unknown import Unknown
+from icmj.identification.identification import Identification, identify
+from icmj.identification.inversion import Inverse
+from icmj.identification.observed import Observed
+from icmj.identification.rhythm import Rhythm
+from icmj.identification.unknown import Unknown
 
 RANGE = (0.4, 2.0)  # of b
 LONGEST = 4.0  # s: intervals that are searched

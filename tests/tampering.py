@@ -84,9 +84,8 @@ class Subject:
 
 def hurry() -> None:
     """Fits of few and short simulations and small networks; what is trusted, and how, stays as it is."""
-    from icmj.fitting import network
-    from icmj.study import fit
-    from icmj.study import fit as families
+    from icmj.fits import fit, network
+    from icmj.fits import fit as families
 
     families.simulate_bank = functools.partial(families.simulate_bank, trials=1, duration=30.0)
     families.train_family.__kwdefaults__["check"] = 20
@@ -99,7 +98,7 @@ def hurry() -> None:
 
 def subject_of(kind: str, place: Path) -> Subject:
     """A folder of a kind in ``place``, made if it is not there."""
-    from icmj.study import fit_page
+    from icmj.fits import page as fit_page
 
     generator = np.random.default_rng(0)
     x = np.cumsum(generator.normal(size=3100))

@@ -1,9 +1,25 @@
 """Every shelf: one file and one line add a thing, and each shipped one can be taken away."""
 
 import ast
+import shutil
 
 import additions
 import pytest
+
+FAMILY = '    "family": "icmj.fits.family_file:FamilyFile",\n'
+WITHOUT_FITS = """
+import pkgutil
+from importlib import import_module
+for found in pkgutil.walk_packages(icmj.__path__, "icmj."):
+    if not found.name.endswith("__main__"):
+        import_module(found.name)
+for words in (["--help"], ["cases"], ["new", "sweep", "simple-0.8"]):
+    try:
+        status = main(words)
+    except SystemExit as end:
+        status = end.code
+    assert not status, words
+"""
 
 
 @pytest.mark.slow
@@ -20,6 +36,20 @@ def test_each_shipped_thing_can_be_taken_away(title):
     with additions.copied() as place:
         for name in additions.names_of(shelf):
             additions.take_away(place, shelf, name)
+
+
+@pytest.mark.slow
+def test_fits_can_be_taken_away():
+    """The folder, its command and its kind of file: the rest imports, lists its commands, and runs."""
+    with additions.copied() as place:
+        shutil.rmtree(place / "icmj" / "fits")
+        (place / "icmj" / "cli" / "commands" / "fit.py").unlink()
+        for path, entry in (("cli/commands/__init__.py", '        "fit",\n'), ("study/file_kinds.py", FAMILY)):
+            file = place / "icmj" / path
+            text = file.read_text(encoding="utf-8")
+            assert entry in text
+            file.write_text(text.replace(entry, ""), encoding="utf-8")
+        additions.execute(place, additions.READ_REST + additions.RUN_REST + WITHOUT_FITS, "fit")
 
 
 @pytest.mark.parametrize("title", additions.SHELVES)

@@ -12,8 +12,8 @@ import icmj
 
 # sub-packages whose names are public, and two modules that are rooms by themselves
 ROOMS = (
-    *("case", "controller", "cycle", "engine", "experiments", "fitting", "log", "measurement", "plant", "series"),
-    *("simulation", "study", "theory"),
+    *("case", "controller", "cycle", "engine", "experiments", "fits", "identification", "log", "measurement"),
+    *("plant", "series", "simulation", "study", "theory"),
 )
 MODULES = ("errors", "plots")
 TOP = tuple(name for name in icmj.__all__ if name not in (*ROOMS, *MODULES))

@@ -21,14 +21,15 @@ FLOORS = (
     ("case",),
     ("cycle", "experiments"),
     ("log", "report"),
-    ("fitting",),
+    ("identification",),
     ("study",),
+    ("fits", "fitting"),
     ("cli",),
 )
 LEVEL = {folder: level for level, floor in enumerate(FLOORS) for folder in floor}
 # what is compiled: the loop on the engine, the exact simulation of the linear plant, and how both are
 ROOMS = ("engine/native", "linear/native", "base/compilation", "base/linking", "base/references", "base/roots")
-TABLES = ("runfile", "study/experiment_file", "study/kind")  # the schema of files
+TABLES = ("runfile", "study/experiment_file", "study/kind", "fits/family_file")  # the schema of files
 ONLY_IN = {"mujoco": "engine", "rerun": "log", "numba": ROOMS, "argparse": "cli", "pydantic": TABLES}
 MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
 
@@ -274,10 +275,16 @@ def test_there_is_one_event_loop() -> None:
     assert {name for name, through in entries.items() if not through} <= others
 
 
+def test_fits_are_an_add_on_that_commands_alone_know() -> None:
+    knows = {name_of(path) for path in MODULES if any(name.startswith("icmj.fits") for name in imports(path))}
+    outside = {name for name in knows if not name.startswith("icmj.fits")}
+    assert outside == {"icmj.cli.commands.fit", "icmj.cli.commands.new"}
+
+
 def test_contributing_draws_these_floors() -> None:
     page = (PACKAGE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
     drawn = [tuple(re.findall(r"`icmj/(\w+)/`", line)) for line in page.splitlines() if line.startswith("| `icmj/")]
-    expected = [tuple(folder for folder in floor if folder != "errors") for floor in reversed(FLOORS)]
+    expected = [tuple(folder for folder in floor if (PACKAGE / folder).is_dir()) for floor in reversed(FLOORS)]
     assert drawn == expected
 
 

@@ -36,10 +36,10 @@ REPORT = [
     *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "icmj/report/panels").glob("*.py")),
     *(f"icmj/report/{name}.py" for name in ("headline", "abstract", "overview", "wording", "judgement")),
     *(f"icmj/report/{name}.py" for name in ("statements", "experiment", "findings")),
-    "icmj/study/fit_page.py",
+    "icmj/fits/page.py",
     *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "icmj/study/kinds").glob("*.py")),
     *(
-        f"icmj/fitting/{name}.py"
+        f"icmj/fits/{name}.py"
         for name in ("choice", "groups", "posterior", "calibration", "prediction_check", "family")
     ),
 ]

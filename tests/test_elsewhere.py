@@ -146,8 +146,8 @@ for module in pkgutil.walk_packages(icmj.__path__, "icmj."):
         importlib.import_module(module.name)
 """
 BANK = """
-from icmj.fitting.bank import simulate_bank
-from icmj.fitting.family import load_family
+from icmj.fits.bank import simulate_bank
+from icmj.fits.family import load_family
 assert len(simulate_bank(load_family("clock"), 4, trials=2, duration=30.0, jobs=2, folder="bank", chunk=1).theta) == 4
 """
 HURRY = "from tampering import hurry; hurry()"  # what is trained, and how long, is the same anywhere

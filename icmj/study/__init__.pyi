@@ -1,6 +1,4 @@
 from .experiment import Experiment as Experiment
-from .fit import Fit as Fit
-from .fit import Subject as Subject
 from .kind import Kind as Kind
 from .kind import sample_rows as sample_rows
 

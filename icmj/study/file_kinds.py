@@ -13,7 +13,7 @@ _SCHEMAS = {
     "run": "icmj.runfile.schema:RunFile",
     "sweep": "icmj.runfile.sweep_tables:SweepFile",
     "experiment": "icmj.study.experiment_file:ExperimentFile",
-    "family": "icmj.runfile.family_tables:FamilyFile",
+    "family": "icmj.fits.family_file:FamilyFile",
 }
 
 

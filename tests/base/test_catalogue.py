@@ -34,6 +34,11 @@ def test_a_thing_is_imported_when_it_is_asked_for(shelf):
 MOVED = {
     "icmj.controller.trigger": ("EventTrigger", "BoxTrigger", "as_weight", "output_weight"),
     "icmj.controller.delayed": ("PredictorController", "DelayedPID", "SwitchingPD", "SwitchingChannels", "Channel"),
+    "icmj.fitting": (
+        *("Bank", "Family", "TrialOf", "public_trials", "read_bank", "read_trials", "simulate_bank"),
+        *("Identification", "Observed", "Unknown"),
+    ),
+    "icmj.study": ("Fit", "Subject"),
 }
 
 
@@ -42,7 +47,8 @@ def test_a_public_name_that_has_moved_is_found_with_a_warning(module, name):
     with pytest.warns(DeprecationWarning, match=rf"{module}\.{name} is now icmj\.\S+\.{name}$") as told:
         found = getattr(importlib.import_module(module), name)
     assert told[0].filename == __file__
-    assert found is getattr(icmj if hasattr(icmj, name) else icmj.controller, name)
+    rooms = (icmj, icmj.controller, icmj.fits, icmj.identification)
+    assert found is next(getattr(room, name) for room in rooms if hasattr(room, name))
 
 
 def test_what_was_never_there_is_an_attribute_error():

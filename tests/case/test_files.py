@@ -12,8 +12,8 @@ from icmj import load_experiment, load_run
 from icmj.case.references import digests
 from icmj.engine.model_files import list_files
 from icmj.errors import ModelError, RunFileError
-from icmj.fitting.family import Family, Prior
-from icmj.runfile.family_tables import load_family_file
+from icmj.fits.family import Family, Prior
+from icmj.fits.family_file import load_family_file
 from icmj.runfile.sweep_tables import load_sweep
 from icmj.study.experiment import fingerprint
 from icmj.study.plan import Plan

@@ -8,8 +8,8 @@ import pytest
 
 from icmj.cli.commands.fit import FitCommand, list_people
 from icmj.errors import FitError
-from icmj.fitting.recording_tables import MOST
-from icmj.fitting.recordings import TrialOf
+from icmj.fits.recording_tables import MOST
+from icmj.fits.recordings import TrialOf
 from icmj.work.shipped import FAMILIES
 
 
@@ -51,8 +51,8 @@ def test_a_delay_is_said_not_to_be_identified_before_anything_is_simulated(
         text = re.sub(r'\[\[parameter\]\]\nname = "delay"\n(?:.+\n)+', "", text)
         family = tmp_path / "mine.toml"
         family.write_text(text.replace('run = "', f'run = "{FAMILIES.folder}/'))
-    monkeypatch.setattr("icmj.fitting.network.library", lambda: None)
-    monkeypatch.setattr("icmj.study.fit.fit", end)
+    monkeypatch.setattr("icmj.fits.network.library", lambda: None)
+    monkeypatch.setattr("icmj.fits.fit.fit", end)
     told = ["fit", str(recording), "--columns", "first", "--model", str(family), "--out", str(tmp_path / "out")]
     said = shell.refuses(told)
     assert "here the simulations would begin" in said
@@ -115,7 +115,7 @@ def test_many_rows_are_refused_before_any_recording_is_read(tmp_path, monkeypatc
     def trial(path):
         return TrialOf("ap", np.full(1, float(path.name)))
 
-    monkeypatch.setattr("icmj.fitting.recordings.read_trials", lambda path, *_, **__: (trial(path),))
+    monkeypatch.setattr("icmj.fits.recordings.read_trials", lambda path, *_, **__: (trial(path),))
     path = tmp_path / "people.csv"
     path.write_text("file,person\n" + "".join(f"{i},a\n" for i in range(MOST + 1)))
     with pytest.raises(FitError, match=f"lists more than {MOST} recordings; fit them in parts"):
@@ -125,7 +125,7 @@ def test_many_rows_are_refused_before_any_recording_is_read(tmp_path, monkeypatc
     (found,) = list_people(FitCommand(model=("event",), table=path), lambda _, done: shares.append(done))
     assert len(found.trials) == len(shares) == MOST
     assert shares[-1] == 1
-    monkeypatch.setattr("icmj.fitting.recordings.read_trials", lambda path, *_, **__: (trial(path),) * 2)
+    monkeypatch.setattr("icmj.fits.recordings.read_trials", lambda path, *_, **__: (trial(path),) * 2)
     with pytest.raises(FitError, match=f"hold more than {MOST} trials"):
         list_people(FitCommand(model=("event",), table=path))
 

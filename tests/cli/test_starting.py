@@ -13,9 +13,9 @@ from icmj.cli import terminal
 from icmj.cli.commands.fit import FitCommand, list_people
 from icmj.cli.main import main
 from icmj.cli.terminal import Terminal
-from icmj.fitting.bank import simulate_bank
+from icmj.fits.bank import simulate_bank
+from icmj.fits.family_file import FamilyFile, load_family_file
 from icmj.runfile.editor_schema import docstrings
-from icmj.runfile.family_tables import FamilyFile, load_family_file
 from icmj.runfile.sweep_tables import SweepFile, load_sweep
 from icmj.study.experiment_file import ExperimentFile, load_experiment
 from icmj.study.first_file import table_of

@@ -11,7 +11,7 @@ import pytest
 from icmj.cli.commands.measure import _list_rows, plain_sway
 from icmj.experiments.quiet_standing import quiet_standing
 from icmj.experiments.recording import Recording
-from icmj.fitting.summaries import MEASURE_UNITS, measures, summarise
+from icmj.fits.summaries import MEASURE_UNITS, measures, summarise
 from icmj.measurement.measures import numbers_of, tabulate_definitions
 from icmj.measurement.sway import Sway, measure_sway, sway_numbers
 from icmj.series.series import Series

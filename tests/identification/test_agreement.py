@@ -12,11 +12,11 @@ from terminal_cases import told
 import icmj
 from icmj.cli.main import main
 from icmj.errors import IdentificationError
-from icmj.fitting.course import LEVEL
-from icmj.fitting.identification import Identification, identify
-from icmj.fitting.inversion import Inverse
-from icmj.fitting.observed import Observed
-from icmj.fitting.unknown import Unknown
+from icmj.identification.course import LEVEL
+from icmj.identification.identification import Identification, identify
+from icmj.identification.inversion import Inverse
+from icmj.identification.observed import Observed
+from icmj.identification.unknown import Unknown
 
 PENDULUM = icmj.load_run("simple-0.8")
 BLIND = Unknown(PENDULUM.with_(**{"actual.gain": None}))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import icmj
-from icmj.fitting.identification import identify
-from icmj.fitting.inversion import Inverse
-from icmj.fitting.observed import Observed
-from icmj.fitting.unknown import Unknown
+from icmj.identification.identification import identify
+from icmj.identification.inversion import Inverse
+from icmj.identification.observed import Observed
+from icmj.identification.unknown import Unknown
 
 PENDULUM = icmj.load_run("simple-0.8")
 # what the code under test is given: nothing of b

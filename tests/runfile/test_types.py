@@ -15,7 +15,7 @@ from terminal_cases import told
 import icmj
 from icmj.cli.main import main
 from icmj.errors import RunFileError
-from icmj.runfile.family_tables import FamilyFile, load_family_file
+from icmj.fits.family_file import FamilyFile, load_family_file
 from icmj.runfile.reading import load_run
 from icmj.runfile.schema import RunFile, to_toml
 from icmj.runfile.sweep_tables import SweepFile, load_sweep

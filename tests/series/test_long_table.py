@@ -6,7 +6,7 @@ import pytest
 
 import icmj
 from icmj.errors import DataError, FitError
-from icmj.fitting import read_trials
+from icmj.fits import read_trials
 from icmj.series.reading import read_long_table, read_series
 from icmj.series.series import Series
 

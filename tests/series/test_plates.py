@@ -5,7 +5,7 @@ import pytest
 
 import icmj
 from icmj.errors import DataError, FitError
-from icmj.fitting import read_trials
+from icmj.fits import read_trials
 from icmj.series.plates import find_loads
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import icmj
 from icmj.errors import DataError, LogError
-from icmj.fitting import read_trials
+from icmj.fits import read_trials
 from icmj.log.program import find_program
 from icmj.series.plausibility import note_oddities
 from icmj.series.series import Series

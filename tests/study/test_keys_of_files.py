@@ -12,8 +12,8 @@ import pytest
 from sweep_cases import PENDULUM
 
 from icmj.errors import IcmjError, RunFileError
-from icmj.fitting.family import Family, Prior
-from icmj.runfile.family_tables import FamilyFile
+from icmj.fits.family import Family, Prior
+from icmj.fits.family_file import FamilyFile
 from icmj.runfile.sweep_tables import SweepFile
 from icmj.study.chunk import compute
 from icmj.study.sweep import make_plan

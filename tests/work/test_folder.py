@@ -13,8 +13,8 @@ from tampering import EXPERIMENT
 
 import icmj
 from icmj.errors import DataError, IcmjError
-from icmj.fitting.bank import simulate_bank
-from icmj.fitting.family import load_family
+from icmj.fits.bank import simulate_bank
+from icmj.fits.family import load_family
 from icmj.work.folder import SUMS, Description, Folder, resume
 
 

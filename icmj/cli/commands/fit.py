@@ -16,8 +16,8 @@ from icmj.errors import FitError
 
 if TYPE_CHECKING:
     from icmj.cli.terminal import Terminal
-    from icmj.study.fit import Fit as DoneFit
-    from icmj.study.fit import Subject
+    from icmj.fits.fit import Fit as DoneFit
+    from icmj.fits.fit import Subject
 
 
 _COLUMNS, _REQUIRED = ("file", "column", "person", "group", "condition"), ("file", "person")
@@ -78,11 +78,11 @@ class FitCommand(Command):
 
     def carry_out(self, out: Terminal, err: Terminal) -> None:
         """Fit families to recordings; whatever is finished stays, however it ends."""
-        from icmj.fitting.family import DELAY, load_family
-        from icmj.fitting.network import library
-        from icmj.study.fit import fit as fitted
-        from icmj.study.fit_page import PAGE, summary, write_fit
-        from icmj.study.fit_page import RESULTS as NUMBERS
+        from icmj.fits.family import DELAY, load_family
+        from icmj.fits.fit import fit as fitted
+        from icmj.fits.network import library
+        from icmj.fits.page import PAGE, summary, write_fit
+        from icmj.fits.page import RESULTS as NUMBERS
 
         if not self.model:
             raise FitError("no family; give --model, such as --model event")
@@ -125,9 +125,9 @@ def list_people(command: FitCommand, progress: Callable[[str, float], None] = la
     """
     from hashlib import sha256
 
-    from icmj.fitting.recording_tables import MOST
-    from icmj.fitting.recordings import TrialOf, read_trials
-    from icmj.study.fit import Subject
+    from icmj.fits.fit import Subject
+    from icmj.fits.recording_tables import MOST
+    from icmj.fits.recordings import TrialOf, read_trials
 
     if command.table is None:
         rows = [{"file": str(path), "person": command.recordings[0].stem} for path in command.recordings]
@@ -174,7 +174,7 @@ def list_people(command: FitCommand, progress: Callable[[str, float], None] = la
 
 def _list_rows(path: Path) -> list[dict[str, str]]:
     """The rows of a table of people, or of the public data set's own table."""
-    from icmj.fitting.recording_tables import INFO, public_trials, read_table
+    from icmj.fits.recording_tables import INFO, public_trials, read_table
 
     if path.name == INFO:
         return [
@@ -202,8 +202,8 @@ def _show_fit(done: DoneFit, out: Terminal) -> None:
     import numpy as np
 
     from icmj.base.numbers import amount
-    from icmj.fitting.choice import say_probability
-    from icmj.study.fit_page import caveats, words_of
+    from icmj.fits.choice import say_probability
+    from icmj.fits.page import caveats, words_of
 
     for one in done.people:
         for note in one.notes:

@@ -14,9 +14,9 @@ from icmj.errors import IdentificationError
 if TYPE_CHECKING:
     from icmj.case.case import PlantKind
     from icmj.cli.terminal import Terminal
-    from icmj.fitting.identification import Identification
-    from icmj.fitting.observed import Observed
-    from icmj.fitting.unknown import Unknown
+    from icmj.identification.identification import Identification
+    from icmj.identification.observed import Observed
+    from icmj.identification.unknown import Unknown
     from icmj.runfile.schema import RunFile
 
 
@@ -54,7 +54,7 @@ class IdentifyCommand(Overrides):
 
     def carry_out(self, out: Terminal, err: Terminal) -> None:
         """Say of each motion which value of the unknown made it."""
-        from icmj.fitting.identification import identify
+        from icmj.identification.identification import identify
         from icmj.log.selection import find_logs
 
         if not self.motions:
@@ -77,7 +77,7 @@ class IdentifyCommand(Overrides):
 
 def _read_motion(command: IdentifyCommand, path: Path) -> tuple[Unknown, Observed, PlantKind]:
     """The known run file, the observed motion, and its plant."""
-    from icmj.fitting.observed import Observed, read_observed
+    from icmj.identification.observed import Observed, read_observed
     from icmj.log.reader import read_log
     from icmj.runfile.schema import overridden
 
@@ -96,7 +96,7 @@ def _read_motion(command: IdentifyCommand, path: Path) -> tuple[Unknown, Observe
 
 def _make_unknown(command: IdentifyCommand, run: RunFile) -> Unknown:
     from icmj.errors import ModelError
-    from icmj.fitting.unknown import Unknown
+    from icmj.identification.unknown import Unknown
     from icmj.plant.body import Change, What
 
     what, _, of = command.unknown.partition(" ")

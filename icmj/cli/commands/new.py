@@ -6,7 +6,7 @@ import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from icmj.base.text import one_line
 from icmj.cli.arguments import POSITIONAL, Command, Given
@@ -112,10 +112,9 @@ def _write_file(kind: Kind, given: Path | None, command: NewCommand, err: Termin
     from icmj.base.files import write_text
     from icmj.case.case import prepare
     from icmj.case.drafting import case_name
-    from icmj.runfile.family_tables import FamilyFile
     from icmj.runfile.reading import load_run, parse_toml
-    from icmj.runfile.sweep_tables import SweepFile
     from icmj.study.experiment_file import ExperimentFile
+    from icmj.study.file_kinds import schema_of
     from icmj.study.first_file import draft_file, shipped_run
     from icmj.study.kind import Names
 
@@ -131,10 +130,10 @@ def _write_file(kind: Kind, given: Path | None, command: NewCommand, err: Termin
         trouble = ""
         try:
             data = parse_toml(text, out)
-            if kind == "experiment":
-                _expect_startable(ExperimentFile.validated(data, out, text))
-            else:
-                (SweepFile if kind == "sweep" else FamilyFile).validated(data, out, text)
+            schema: Any = schema_of(kind)
+            file = schema.validated(data, out, text)
+            if isinstance(file, ExperimentFile):
+                _expect_startable(file)
         except IcmjError as error:
             trouble = f"note: it does not run as written; {one_line(error).removeprefix(f'{out}: ')}"
     write_text(out, text)
@@ -161,7 +160,7 @@ def _write_table(recordings: tuple[Path, ...], out: Path, err: Terminal) -> list
     import io
 
     from icmj.base.files import write_text
-    from icmj.fitting.recordings import read_trials
+    from icmj.fits.recordings import read_trials
 
     _refuse_existing(out)
     if not recordings:

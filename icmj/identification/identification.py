@@ -11,11 +11,11 @@ from icmj.base.blas_threads import limit_to_one_thread
 from icmj.case.case import PlantKind, expect_rule
 from icmj.cycle.cycle import find_cycle
 from icmj.errors import IcmjError, IdentificationError
-from icmj.fitting.course import MANY, Agreement, Course, Fit
-from icmj.fitting.inversion import POINTS, Inverse, find_minima
-from icmj.fitting.observed import FEWEST, Observed
-from icmj.fitting.rhythm import Rhythm, rhythm
-from icmj.fitting.unknown import Unknown
+from icmj.identification.course import MANY, Agreement, Course, Fit
+from icmj.identification.inversion import POINTS, Inverse, find_minima
+from icmj.identification.observed import FEWEST, Observed
+from icmj.identification.rhythm import Rhythm, rhythm
+from icmj.identification.unknown import Unknown
 
 Way = Literal["rhythm", "sequence", "none"]
 _EDGE = 1e-6  # of the range: what is so near to its end reaches it
@@ -35,7 +35,7 @@ class Identification:
         words: a description in words.
         probability: probability that a motion with the best value, because of errors of times and readings, would agree
             less well with its own prediction than the observed motion does; ``None`` if nothing was compared. Below
-            :data:`icmj.fitting.course.LEVEL` no value fits, and none is determined.
+            :data:`icmj.identification.course.LEVEL` no value fits, and none is determined.
         edge: an end of the range that the intervals reach, beyond which the value may lie; otherwise ``None``.
     """
 

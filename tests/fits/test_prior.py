@@ -5,8 +5,8 @@ import pytest
 from scipy import stats
 
 from icmj.errors import FitError
-from icmj.fitting.family import Prior
-from icmj.runfile.family_tables import ParameterTable, PriorTable
+from icmj.fits.family import Prior
+from icmj.fits.family_file import ParameterTable, PriorTable
 
 CUT = stats.truncnorm(-0.5, 2.0, loc=0.3, scale=0.1)
 LOG_CUT = stats.truncnorm(-1.0, 2.0, loc=np.log(2e-3), scale=0.7)

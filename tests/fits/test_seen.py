@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from icmj.errors import FitError
-from icmj.fitting.misfit import SeenSummaries
+from icmj.fits.misfit import SeenSummaries
 
 NAMES = ("size", "speed", "share 1", "share 2")
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from icmj.errors import FitError
-from icmj.fitting.arviz_file import write_archive
-from icmj.fitting.prediction_check import predict
+from icmj.fits.arviz_file import write_archive
+from icmj.fits.prediction_check import predict
 
 
 def test_intervals_hold_nine_of_ten() -> None:

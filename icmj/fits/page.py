@@ -21,14 +21,15 @@ from icmj.base.numbers import number as number_of
 from icmj.case.quantity import in_unit
 from icmj.errors import FitError
 from icmj.experiments.quiet_standing import YOUNG_PEOPLE
-from icmj.fitting.arviz_file import write_archive
-from icmj.fitting.choice import AT_ONCE, ORIGIN, TRIED, say_probability
-from icmj.fitting.choice import CAVEAT as CHOICE
-from icmj.fitting.family import DELAY, RATE, Prior
-from icmj.fitting.groups import Difference
-from icmj.fitting.posterior import CALIBRATION_CAVEAT as VERDICT
-from icmj.fitting.posterior import PREDICTION_CAVEAT as PREDICTION
-from icmj.fitting.summaries import MEASURE_UNITS, MEASURES, measures, summarise
+from icmj.fits.arviz_file import write_archive
+from icmj.fits.choice import AT_ONCE, ORIGIN, TRIED, say_probability
+from icmj.fits.choice import CAVEAT as CHOICE
+from icmj.fits.family import DELAY, RATE, Prior
+from icmj.fits.fit import PREDICTED, FamilyFit, Fit, Subject, TrainedFamily, simulate_member
+from icmj.fits.groups import Difference
+from icmj.fits.posterior import CALIBRATION_CAVEAT as VERDICT
+from icmj.fits.posterior import PREDICTION_CAVEAT as PREDICTION
+from icmj.fits.summaries import MEASURE_UNITS, MEASURES, measures, summarise
 from icmj.measurement.measures import numbers_of
 from icmj.report import style
 from icmj.report.findings import (
@@ -43,7 +44,6 @@ from icmj.report.notation import symbol
 from icmj.report.page import render_page
 from icmj.report.picture import Picture
 from icmj.report.section import Section
-from icmj.study.fit import PREDICTED, FamilyFit, Fit, Subject, TrainedFamily, simulate_member
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

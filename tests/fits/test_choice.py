@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from icmj.errors import FitError
-from icmj.fitting.choice import Choice, confusion, say_probability, train_choice
+from icmj.fits.choice import Choice, confusion, say_probability, train_choice
 
 NAMES = ("a", "b")
 MEANS = {"left": -0.7, "right": 0.7, "twin": 0.7}

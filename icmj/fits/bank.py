@@ -28,8 +28,8 @@ from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.parquet import read_parquet
 from icmj.base.text import one_line, parse_json
 from icmj.errors import FitError, IcmjError
-from icmj.fitting.family import DURATION, RATE, TRIALS, Family, Prior, load_family
-from icmj.fitting.summaries import SUMMARIES, summarise
+from icmj.fits.family import DURATION, RATE, TRIALS, Family, Prior, load_family
+from icmj.fits.summaries import SUMMARIES, summarise
 from icmj.work.folder import Description, Folder, resume
 from icmj.work.workers import crew
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
 from icmj.errors import FitError
-from icmj.fitting.calibration import MASS
+from icmj.fits.calibration import MASS
 
 
 @dataclass(frozen=True, eq=False)

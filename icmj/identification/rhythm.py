@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline, make_splrep
 from scipy.optimize import minimize_scalar
 
 from icmj.base.array import Array, argmax_abs
-from icmj.fitting.observed import Observed
+from icmj.identification.observed import Observed
 
 NEAR = 0.1  # relative: intervals that agree so well may be on their way to a cycle
 _LEAST = 3  # of them

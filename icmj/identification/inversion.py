@@ -11,8 +11,8 @@ from scipy.optimize import brentq
 
 from icmj.base.array import Array
 from icmj.case.case import Case
-from icmj.fitting.rhythm import NEAR, Rhythm
-from icmj.fitting.unknown import Unknown
+from icmj.identification.rhythm import NEAR, Rhythm
+from icmj.identification.unknown import Unknown
 
 POINTS = 33  # of the interval in which it is sought
 _SAME = 1e-6  # relative: a root at which the interval is not the one observed is a jump

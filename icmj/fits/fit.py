@@ -25,15 +25,15 @@ from icmj.base.files import make_ready
 from icmj.base.npz import read_npz
 from icmj.base.text import one_line
 from icmj.errors import FitError, IcmjError
-from icmj.fitting.bank import Bank, simulate_bank
-from icmj.fitting.calibration import Calibration, calibrate
-from icmj.fitting.choice import Choice, Confusion, confusion, train_choice
-from icmj.fitting.family import RATE, Family, load_family
-from icmj.fitting.groups import Difference, compare
-from icmj.fitting.misfit import Misfit
-from icmj.fitting.posterior import MEMBERS, Posterior, train_posterior
-from icmj.fitting.prediction_check import Predictive, check_prediction
-from icmj.fitting.summaries import MEASURES, SUMMARIES, measures, summarise
+from icmj.fits.bank import Bank, simulate_bank
+from icmj.fits.calibration import Calibration, calibrate
+from icmj.fits.choice import Choice, Confusion, confusion, train_choice
+from icmj.fits.family import RATE, Family, load_family
+from icmj.fits.groups import Difference, compare
+from icmj.fits.misfit import Misfit
+from icmj.fits.posterior import MEMBERS, Posterior, train_posterior
+from icmj.fits.prediction_check import Predictive, check_prediction
+from icmj.fits.summaries import MEASURES, SUMMARIES, measures, summarise
 from icmj.work.folder import SUMS, Folder
 
 Tell = Callable[[str, float], None]

@@ -23,9 +23,9 @@ from icmj.base.array import Array
 from icmj.base.npz import read_npz
 from icmj.base.text import one_line, parse_json
 from icmj.errors import FitError
-from icmj.fitting.calibration import MASS
-from icmj.fitting.misfit import Misfit, SeenSummaries
-from icmj.fitting.network import Network, Tell, train
+from icmj.fits.calibration import MASS
+from icmj.fits.misfit import Misfit, SeenSummaries
+from icmj.fits.network import Network, Tell, train
 from icmj.work.folder import Folder
 
 CALIBRATION_CAVEAT = (
@@ -275,4 +275,4 @@ PREDICTION_CAVEAT = (
     "of the values of eight people who had no part in setting up the families, and was no sharper than the mean of the "
     "other two trials"
 )
-"""What must be known beside a prediction (:data:`icmj.fitting.choice.ORIGIN`)."""
+"""What must be known beside a prediction (:data:`icmj.fits.choice.ORIGIN`)."""

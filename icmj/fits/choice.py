@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 
 from icmj.base.array import Array
 from icmj.errors import FitError
-from icmj.fitting.misfit import SeenSummaries
-from icmj.fitting.network import Network, Tell, train
-from icmj.fitting.posterior import VERSION, read_networks, write_networks
+from icmj.fits.misfit import SeenSummaries
+from icmj.fits.network import Network, Tell, train
+from icmj.fits.posterior import VERSION, read_networks, write_networks
 
 EPOCHS = 60
 TOLD_APART = 0.75

@@ -43,7 +43,7 @@ def public_trials(folder: Path | str, people: Sequence[str | int] = ()) -> tuple
     """The trials in a folder with the text files of the public data set, as listed in its table ``BDSinfo.txt``.
 
     Each file, such as ``BDS00001.txt``, has the columns Time[s], forces, moments, COPx[cm] and COPy[cm]; x is front to
-    back. :func:`icmj.fitting.read_trials` reads these files.
+    back. :func:`icmj.fits.read_trials` reads these files.
 
     Args:
         folder: folder with ``BDSinfo.txt`` and the files.

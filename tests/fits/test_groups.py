@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from icmj.errors import FitError
-from icmj.fitting.groups import compare
+from icmj.fits.groups import compare
 
 
 def posteriors(truth: np.ndarray, noise: float, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

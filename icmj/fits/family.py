@@ -1,7 +1,7 @@
 """The family: a controller and a body some of whose numbers are unknown, their prior, and the trials of its members.
 
 Inference knows a member by z alone; each number is a rising function of one of its values
-(:class:`icmj.runfile.family_tables.PriorTable`).
+(:class:`icmj.fits.family_file.PriorTable`).
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from icmj.case.references import digests
 from icmj.controller.controller import expect_intermittent
 from icmj.controller.law import Law
 from icmj.errors import AnalysisError, FitError, IcmjError
+from icmj.fits.family_file import FamilyFile, ParameterTable, load_family_file
 from icmj.linear.run import simulate
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant, match_ports
-from icmj.runfile.family_tables import FamilyFile, ParameterTable, load_family_file
 from icmj.runfile.schema import RunFile
 from icmj.runfile.sweep_tables import PRESSURE
 from icmj.simulation.settings import Settings, reseed

@@ -11,9 +11,9 @@ import pytest
 import icmj
 from icmj.case.case import prepare, simulate
 from icmj.errors import FitError, RunFileError
-from icmj.fitting.bank import DRAWS, read_bank, simulate_bank
-from icmj.fitting.family import WARM_UP, load_family
-from icmj.fitting.summaries import SUMMARIES, measures
+from icmj.fits.bank import DRAWS, read_bank, simulate_bank
+from icmj.fits.family import WARM_UP, load_family
+from icmj.fits.summaries import SUMMARIES, measures
 from icmj.simulation.settings import reseed
 from icmj.work.shipped import FAMILIES
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from icmj.errors import FitError
-from icmj.fitting.calibration import calibrate
+from icmj.fits.calibration import calibrate
 
 NOISE = np.array([0.3, 0.8, 1e6])  # of one measurement of each number
 NAMES = ("sharp", "blurred", "untold")

@@ -18,9 +18,9 @@ from scipy.stats import t as student
 from icmj.base.array import Array, is_between
 from icmj.case.case import Case, PlantKind, Theory, simulate
 from icmj.errors import IcmjError
-from icmj.fitting.observed import EXACT, SETTLED, Observed
-from icmj.fitting.rhythm import SPAN, Rhythm
-from icmj.fitting.unknown import Unknown
+from icmj.identification.observed import EXACT, SETTLED, Observed
+from icmj.identification.rhythm import SPAN, Rhythm
+from icmj.identification.unknown import Unknown
 from icmj.simulation.simulation import Simulation
 from icmj.theory.orbit import Orbit
 

@@ -12,18 +12,18 @@ import pytest
 from scipy.stats import binomtest
 
 from icmj.errors import FitError
-from icmj.fitting import choice, network, posterior
-from icmj.fitting import posterior as calibration
-from icmj.fitting.bank import Bank
-from icmj.fitting.family import Prior, load_family
-from icmj.fitting.misfit import SeenSummaries
-from icmj.fitting.summaries import SUMMARIES, summarise
-from icmj.runfile.family_tables import ParameterTable, PriorTable
-from icmj.study import fit as families_module
-from icmj.study import fit as fits
-from icmj.study import fit_page
-from icmj.study.fit import Subject, fit, train_family
-from icmj.study.fit_page import write_fit
+from icmj.fits import choice, network, posterior
+from icmj.fits import fit as families_module
+from icmj.fits import fit as fits
+from icmj.fits import page as fit_page
+from icmj.fits import posterior as calibration
+from icmj.fits.bank import Bank
+from icmj.fits.family import Prior, load_family
+from icmj.fits.family_file import ParameterTable, PriorTable
+from icmj.fits.fit import Subject, fit, train_family
+from icmj.fits.misfit import SeenSummaries
+from icmj.fits.page import write_fit
+from icmj.fits.summaries import SUMMARIES, summarise
 
 PRIOR = Prior(
     tuple(

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from icmj.base.array import Array, count_steps
 from icmj.errors import DataError, FitError
-from icmj.fitting.family import DURATION, RATE
-from icmj.fitting.summaries import LEAST
+from icmj.fits.family import DURATION, RATE
+from icmj.fits.summaries import LEAST
 from icmj.series.even_rows import expect_rate, resample_series
 from icmj.series.long_table import label_of
 from icmj.series.plausibility import STUCK, measure_longest_still, note_oddities
@@ -87,7 +87,7 @@ def trials_of(series: Series, column: str, *, unit: str | None = None) -> tuple[
     """The trials in one column of a series; more than 90 s are cut into pieces of 60 s, without what is left over.
 
     Raises:
-        FitError: as :func:`icmj.fitting.read_trials`.
+        FitError: as :func:`icmj.fits.read_trials`.
     """
     name = series.names[_place(series, column)]
     given = series.units[series.place(name)]

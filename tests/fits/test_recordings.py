@@ -6,9 +6,9 @@ import pytest
 from icmj import measure_sway, read_series, write_series
 from icmj.cli.commands.fit import FitCommand, list_people
 from icmj.errors import FitError
-from icmj.fitting.recording_tables import MOST, public_trials
-from icmj.fitting.recordings import read_trials
-from icmj.fitting.summaries import SUMMARIES, measures, summarise
+from icmj.fits.recording_tables import MOST, public_trials
+from icmj.fits.recordings import read_trials
+from icmj.fits.summaries import SUMMARIES, measures, summarise
 from icmj.series.even_rows import resample_series
 from icmj.series.series import Series
 

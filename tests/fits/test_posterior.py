@@ -15,9 +15,9 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 
 from icmj.errors import FitError
-from icmj.fitting.calibration import calibrate
-from icmj.fitting.misfit import SeenSummaries
-from icmj.fitting.posterior import Posterior, effective, train_posterior
+from icmj.fits.calibration import calibrate
+from icmj.fits.misfit import SeenSummaries
+from icmj.fits.posterior import Posterior, effective, train_posterior
 from icmj.work.folder import Folder
 
 NAMES, SUMMARIES = ("gain", "noise", "idle"), tuple("abcde")
@@ -126,7 +126,7 @@ def test_same_seed_same_network_and_the_callers_random_numbers_stay() -> None:
 def test_the_library_is_imported_without_drawing_the_callers_random_numbers() -> None:
     script = (
         "import random, numpy as np; random.seed(1); np.random.seed(1)\n"
-        "from icmj.fitting.network import library; library()\n"
+        "from icmj.fits.network import library; library()\n"
         "print(random.random(), np.random.random())"
     )
     told = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True, timeout=PATIENCE)
