@@ -19,8 +19,8 @@ from icmj.errors import DataError
 from icmj.series.even_rows import step_of
 from icmj.series.long_table import find_labels, split_rows
 from icmj.series.plates import find_loads, leave_out_unloaded
-from icmj.series.series import COUNTER, Series, expect_names_differ, place
-from icmj.series.units import SECONDS
+from icmj.series.series import COUNTER, EVEN, Series, expect_names_differ, place
+from icmj.series.units import SECONDS, is_unit
 from icmj.series.unlabelled import refuse_second_trial, refuse_unknown_labels, refuse_unknown_numbers
 
 MOST_NUMBERS = 12_000_000  # that are read, times among them; measuring them takes a gigabyte and a half
@@ -29,9 +29,11 @@ TIMES = ("t", "time", "times", "timestamp", "seconds", "x_value")  # the last of
 COUNTS = ("frame", "frames", "sub frame", "subframe", "sample", "samples", "index", "row", "item")  # of rows
 LONGEST_STEP, SHORTEST_STEP = 0.3, 2e-5
 """Distances of rows beyond which times without a unit are not taken for seconds; ours: 3.3 Hz and 50 kHz."""
-_WORDS = ("time", "zeit", "temps", "tiempo", "tempo", "tid", "tijd", "timestamp", "timestamps")
+_WORDS = ("time", "zeit", "temps", "tiempo", "tempo", "tid", "tijd", "timestamp", "timestamps", "elapsed")
 _LARGE = 1e300
+_AGREES = 0.01  # share that the spans of two columns of times may differ by; ours
 _EVEN = 1e-6  # of a step that differences may be off, beside rounding of the times to digits
+_QUOTIENT = re.compile(r"(?P<name>.*?[^\s/,])\s*[/,]\s*(?P<open>\()?(?P<unit>[^\s,()\[\]]+)\)?")
 _NAME = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
 
@@ -40,6 +42,26 @@ def name_and_unit(header: str) -> tuple[str, str]:
     found = _NAME.fullmatch(one_line(header, 200))
     assert found is not None
     return found["name"], (found["unit"] or "").strip()
+
+
+def bracket_units(headers: Sequence[str]) -> list[str]:
+    """``t/s``, ``v/(mm/s)`` and ``ap, mm`` as ``t [s]``, ``v [mm/s]`` and ``ap [mm]``, where no header has brackets.
+
+    A quotient of units, as in ``speed mm/s``, is none of these: what stands before the sign is no unit, and only times
+    are in seconds.
+    """
+    found = [_QUOTIENT.fullmatch(header.strip()) for header in headers]
+    if any(name_and_unit(header)[1] for header, quotient in zip(headers, found, strict=True) if not quotient):
+        return list(headers)
+    given = list(headers)
+    for i, quotient in enumerate(found):
+        if quotient is None:
+            continue
+        name, unit = quotient["name"], quotient["unit"]
+        timed = unit.lower() not in SECONDS or _is_time(name) or name.lower() in TIMES
+        if timed and is_unit(unit) and unit not in "-1" and (quotient["open"] or not is_unit(name.split()[-1])):
+            given[i] = f"{name} [{unit}]"
+    return given
 
 
 @dataclass(frozen=True)
@@ -118,6 +140,7 @@ class Columns:
         data = data[:, 1:] if self.clock else data
         names, units = zip(*zip(self.names, self.units, strict=True), *self.beside, strict=True)
         whole = Series(t, data, names, units)
+        self._refuse_other_times(whole)
         kept = leave_out_unloaded(whole, self.loads)
         if self.asked:
             return kept.chosen(self.names)
@@ -129,7 +152,10 @@ class Columns:
             if _counts(name) or (self.clock and (timed or counted)):
                 left.append(f"{name}, which counts rows or time")
             elif rises == "evenly" and not self.clock:
-                step = float(data[1, i] - data[0, i])
+                step, rate = float(data[1, i] - data[0, i]), self.rate or 0.0
+                if not self.units[i] and (step == 1 or abs(step * rate - 1) < EVEN):
+                    left.append(f"{name}, which counts rows or time")
+                    continue
                 raise DataError(
                     f"{name} rises by {step:.6g} in every row, as times or numbers of rows do; name the times, as in "
                     "'t [s]', or the columns to read"
@@ -143,13 +169,26 @@ class Columns:
         facts = {**kept.facts, "left out": f"left out: {'; '.join(left)}"} if left else kept.facts
         return replace(kept.chosen(signals), facts=facts)
 
+    def _is_clock(self, name: str, unit: str) -> bool:
+        return unit.lower() in SECONDS or (not unit and name == self.clock)
+
+    def _refuse_other_times(self, whole: Series) -> None:
+        """See that all columns of times go on alike, as each may be of the signals that stand beside it."""
+        for name, unit in zip(whole.names, whole.units, strict=True) if self.clock and len(whole) else ():
+            t = whole[name] * (SECONDS.get(unit.lower()) or self.second or 1.0)
+            if self._is_clock(name, unit) and _rises(t) and abs(np.ptp(t) / np.ptp(whole.t) - 1) > _AGREES:
+                raise DataError(
+                    f"{self.clock} lasts {np.ptp(whole.t):.6g} s and {name} {np.ptp(t):.6g} s; of two trials side by "
+                    "side, save each in a file of its own"
+                )
+
     def _times(self, data: Array) -> Array:
-        if not self.clock:
+        t = data[:, 0]
+        if not self.clock or (self.rate is not None and not np.isfinite(t).any()):  # LabVIEW leaves them empty
             assert self.rate is not None
             return np.arange(len(data), dtype=float) * step_of(self.rate, 0)
-        t = data[:, 0]
         if len(t) and not np.isfinite(t).any():
-            raise DataError(f"{self.clock} has no values; fill it, or take it out and say the rate")
+            raise DataError(f"{self.clock} has no values; fill it, or say with --rate how many rows a second has")
         if self.second is not None:
             return t * self.second
         known = t[np.abs(t) < _LARGE]
@@ -207,6 +246,11 @@ def choose_columns(
         kept = [kept[place(known, name)] for name in columns]
     loads = {i: on for i, on in loads.items() if i in kept}
     needed += [i for on in loads.values() for i in on]
+    if clock is not None:
+        clocks = (
+            i for i, unit in enumerate(units) if unit.lower() in SECONDS or (not unit and names[i] == names[clock])
+        )
+        needed += [i for i in clocks if i != clock and i not in (faults or {})]
     beside = list(dict.fromkeys(i for i in needed if i not in kept))
     at = (*([] if clock is None else [clock]), *kept, *beside)
     for i in at:
@@ -243,8 +287,10 @@ def _second_of(name: str, unit: str) -> float | None:
         DataError: if the unit is none of time.
     """
     last = re.split(r"[\W_]+", name.lower())[-1]
+    if unit.lower() in COUNTS:
+        return None
     if unit and unit.lower() not in SECONDS:
-        raise DataError(f"times in {unit!r}; expected one of {', '.join(SECONDS)}")
+        raise DataError(f"times in {unit!r}; expected s, ms, µs, ns or min")
     return SECONDS.get(unit.lower(), SECONDS.get(last) if last != name.lower() or last == "seconds" else None)
 
 

@@ -15,6 +15,7 @@ from itertools import islice, pairwise
 
 from icmj.base.text import one_line
 from icmj.errors import DataError
+from icmj.series.time_of_day import are_times
 from icmj.series.units import is_unit
 
 HEAD = 200  # lines that are looked at
@@ -45,7 +46,8 @@ _BEGUN = re.compile(rf"{_SIGN}[\d.,]*([eEdD][-+]?\d*)?")  # as much of a number 
 _SPLIT = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?")  # names between blanks, each with its unit
 _FORTRAN = re.compile(rb"(?<=[\d.])[dD](?=[-+]?\d)")
 _POINTED, _THOUSANDS = re.compile(rb"\d[\d.]*\.\d+"), re.compile(rb"[1-9]\d{0,2}(\.\d{3})+")
-_MARKERS = "MARKER_NAMES"  # Qualisys: a name for three columns each
+_SIGNS = ";\t,|"  # between fields, beside blanks
+_RULE = re.compile(r"[\s|+:=-]*---[\s|+:=-]*")  # a line that is drawn
 _MINUS = "−".encode()
 
 
@@ -59,6 +61,7 @@ class TableForm:
         cell_units: of all columns, that which each number has behind it; "" where they have none.
         numeric: which columns hold numbers; a column without a name and a number is none, nor are numbers of rows.
         texts: places of the columns of text.
+        stamps: those of times of the day (:mod:`icmj.series.time_of_day`).
         faults: what is no number in a column of numbers, or has a word in each cell, by the place of the column.
         delimiter: between fields; a blank stands for any number of them.
         decimal: "." or ",".
@@ -75,6 +78,7 @@ class TableForm:
     cell_units: tuple[str, ...]
     numeric: tuple[bool, ...]
     texts: tuple[int, ...]
+    stamps: tuple[int, ...]
     faults: dict[int, str]
     delimiter: str
     decimal: str
@@ -185,12 +189,12 @@ def find_form(text: bytes) -> TableForm:
         raise DataError("the file is empty")
     if b"\0" in text[:LONGEST_LINE]:
         raise DataError("not text; expected CSV, Parquet (.parquet) or npz (.npz)")
-    lines = [line for line in _lines(text) if line.words]
+    lines = [line for line in _lines(text) if line.words and not _RULE.fullmatch(line.words)]
     if not lines:  # what Python counts as blanks and bytes do not
         raise DataError("the file is empty")
     found: list[_Run] = []
     for told in [lines] if text.endswith((b"\n", b"\r")) else [lines[:-1], lines]:  # the last line may end midway
-        found = found or [run for sign in ";\t, " for decimal in ".," if (run := _longest(told, sign, decimal))]
+        found = found or [run for sign in f"{_SIGNS} " for decimal in ".," if (run := _longest(told, sign, decimal))]
     if not found:
         last = one_line(lines[-1].words, 60)
         raise DataError(f"no rows of numbers in its first {lines[-1].number} lines (the last is {last!r})")
@@ -199,6 +203,8 @@ def find_form(text: bytes) -> TableForm:
     _refuse_earlier_table(best, above)
     headers, units, numbers_rows = _name(best, above)
     numeric, texts, faults = _sort_columns(best, headers, numbers_rows)
+    stamps = tuple(i for i in texts if are_times(best.column(i)))
+    texts = tuple(i for i in texts if i not in stamps)
     first, cells = best.lines[0], [cell for row in best.rows for cell in row]
     grouped = any(_GROUPED[best.decimal].fullmatch(cell) for cell in cells)
     fortran = any(_FORTRAN.search(cell.encode()) for cell in cells if _is_number(cell, best.decimal))
@@ -206,7 +212,7 @@ def find_form(text: bytes) -> TableForm:
     signs = best.delimiter, best.decimal, grouped, fortran, undecided
     decimals = tuple(min(_decimals(cell, best.decimal) for cell in best.column(i)) for i in range(best.width))
     return TableForm(
-        headers, units, best.units, numeric, texts, faults, *signs, decimals, first.number, first.offset
+        headers, units, best.units, numeric, texts, stamps, faults, *signs, decimals, first.number, first.offset
     )  # fmt: skip
 
 
@@ -348,6 +354,11 @@ def _name(run: _Run, above: Sequence[_Line]) -> tuple[tuple[str, ...], tuple[str
     nothing = ("",) * run.width
     if not above:
         return nothing, nothing, False
+    keyed = {cells[0]: cells[1:] for line in above if (cells := _fields(line, run.delimiter))}
+    if 3 * len(markers := keyed.get("MARKER_NAMES", ())) == run.width:  # Qualisys
+        return tuple(f"{name}.{axis}" for name in markers for axis in "xyz"), nothing, False
+    if (titles := keyed.get("ChannelTitle=")) and 1 + len(titles) == run.width:  # LabChart, whose times have no title
+        return ("time", *titles), ("", *keyed.get("UnitName=", nothing))[: run.width], False
     names, units = _split_names(above[-1], run), nothing
     if len(above) > 1 and len(names) <= run.width and any(names) and all(is_unit(name) for name in names):
         higher = _split_names(above[-2], run)
@@ -355,8 +366,6 @@ def _name(run: _Run, above: Sequence[_Line]) -> tuple[tuple[str, ...], tuple[str
             names, units = higher, tuple(name.strip("[]() ") for name in (*names, *nothing))[: run.width]
     if any(_is_number(name, run.decimal) for name in names):
         return nothing, nothing, False
-    if names[:1] == (_MARKERS,) and 3 * (len(names) - 1) == run.width:
-        return tuple(f"{name}.{axis}" for name in names[1:] for axis in "xyz"), nothing, False
     if len(names) > run.width and not any(names[run.width :]):
         names = names[: run.width]
     counts = _counts_rows(run.column(0))
@@ -405,7 +414,7 @@ def _tell_apart(names: tuple[str, ...], above: Sequence[_Line], run: _Run) -> tu
 def _split_names(line: _Line, run: _Run) -> tuple[str, ...]:
     words = line.words.lstrip("#% ") if line.remark else line.words
     plain = _Line(line.number, words, line.offset)
-    for delimiter in (run.delimiter, *";\t,"):
+    for delimiter in (run.delimiter, *_SIGNS):
         if delimiter in words and len(fields := _fields(plain, delimiter)) == run.width:
             return fields
     if run.delimiter == " ":
@@ -414,7 +423,7 @@ def _split_names(line: _Line, run: _Run) -> tuple[str, ...]:
             joined = _fields(plain, " ")
         fits = len(joined) == run.width or (len(joined) == run.width - 1 and _counts_rows(run.column(0)))
         return joined if fits else tuple(re.split(r"\s{2,}|\t", words))
-    blanks = tuple(words.split()) if not set(words) & set(";\t,") else ()
+    blanks = tuple(words.split()) if not set(words) & set(_SIGNS) else ()
     return blanks if len(blanks) == run.width else _fields(plain, run.delimiter)
 
 

@@ -18,9 +18,16 @@ from icmj.series.series import Series
 
 _TURN = np.pi / 180
 _PREFIXES = {"": 1.0, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6}
+_IN_WORDS = {"": 1.0, "centi": 1e-2, "zenti": 1e-2, "milli": 1e-3, "mili": 1e-3, "micro": 1e-6, "mikro": 1e-6}
+_METRE = "metre metres meter meters metro metros"
+_SECOND = "second seconds sekunde sekunden seconde secondes segundo segundos secondo secondi"
 QUANTITIES: Mapping[str, Mapping[str, float]] = {
     "angle": {"rad": 1.0, "mrad": 1e-3, "deg": _TURN, "°": _TURN, "degrees": _TURN, "degree": _TURN},
-    "length": {f"{p}m": size for p, size in _PREFIXES.items() if p != "k"},
+    "length": {
+        **{f"{p}m": size for p, size in _PREFIXES.items() if p != "k"},
+        **{p + word: size for (p, size), word in product(_IN_WORDS.items(), _METRE.split())},
+        **dict.fromkeys(("in", "inch", "inches"), 0.0254),
+    },
     "force": {f"{p}N": size for p, size in _PREFIXES.items() if p != "c"},
     "torque": {
         f"{p}N{sign}{q}m": a * b
@@ -29,20 +36,22 @@ QUANTITIES: Mapping[str, Mapping[str, float]] = {
     },
 }
 """Units of each quantity, without blanks and signs of multiplication, in rad, m, N or N m."""
-_OF_TIME = {1.0: "s sec secs second seconds", 1e-3: "ms msec milliseconds", 1e-6: "us µs μs usec microseconds"}
+_OF_TIME = {1.0: "s sec secs seg sek", 1e-3: "ms msec mseg msek", 1e-6: "us µs μs usec", 1e-9: "ns", 60.0: "min"}
 SECONDS: Mapping[str, float] = {
-    name: size for size, names in {**_OF_TIME, 1e-9: "ns"}.items() for name in names.split()
+    **{name: size for size, names in _OF_TIME.items() for name in names.split()},
+    **{p + word: size for (p, size), word in product(_IN_WORDS.items(), _SECOND.split())},
 }
 """Units of time, in small letters, in s."""
-_OTHERS = ("-", "1", "%", "hz", "v", "mv", "kg", "g", "n/a", "a.u.", "au", "bw", "h", "min")
+_OTHERS = ("-", "1", "%", "hz", "v", "mv", "kg", "g", "n/a", "a.u.", "au", "bw", "h")
 _RATES = ("", "/s", "/s2", "/s^2", "/s²", "/kg")
 _SHOWN = {"angle": ("rad", "deg"), "length": ("m", "cm", "mm"), "force": ("N", "kN"), "torque": ("N m", "N cm", "N mm")}
 _PRODUCT = str.maketrans("", "", " ·⋅*.×")
 
 
 def canonicalise(unit: str) -> str:
-    """A unit without blanks and signs of multiplication."""
-    return unit.translate(_PRODUCT)
+    """A unit without blanks and signs of multiplication, a word in small letters."""
+    plain = unit.translate(_PRODUCT)
+    return plain.lower() if plain.isalpha() and len(plain) > 4 else plain  # kNmm has four
 
 
 def is_unit(words: str) -> bool:

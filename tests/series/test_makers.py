@@ -11,6 +11,7 @@ import pytest
 
 from icmj.errors import DataError
 from icmj.series.reading import read_long_table, read_series
+from icmj.series.units import convert_to_si
 
 N, RATE = 400, 100.0
 RANDOM = np.random.default_rng(1)
@@ -35,6 +36,14 @@ def whole(scale=1.0, first=0):
 
 def micrometres(value, thousand):
     return f"{round(1000 * value):,}".replace(",", thousand)
+
+
+def at_night(form, first=86398.0):
+    """Rows whose times are those of the day, as text, and go on over midnight."""
+    begin = datetime.datetime(2026, 3, 4)
+    return [
+        (f"{begin + datetime.timedelta(milliseconds=round(1e3 * (first + t))):{form}}"[:-3], *row) for t, *row in ROWS
+    ]
 
 
 HEAD, COMMAS = "t [s],ap [mm],ml [mm]", "t [s];ap [mm];ml [mm]"
@@ -105,6 +114,25 @@ READ = {
         "Y_Unit_Label\tmm\tmm\nX0\t0.0\t0.0\nDelta_X\t0.01\t0.01\n***End_of_Header***\n"
         + table("X_Value\tap [mm]\tml [mm]\tComment", ROWS, "\t")
     ),
+    "units behind a slash": table("Nr.;t/s;ap/mm;ml / mm", [(str(i), *row) for i, row in enumerate(ROWS)], ";", ","),
+    "units behind a comma": table("Zeit, ms;ap, mm;ml, mm", whole(10), ";", ","),
+    "pipes": table("t [s] | ap [mm] | ml [mm]", ROWS, " | "),
+    "pipes with decimal commas": table("t [s]|ap [mm]|ml [mm]", ROWS, "|", ","),
+    "pipes at both ends, and a line": (
+        "| t [s] | ap [mm] | ml [mm] |\n|---|:---|----|\n" + table(None, [("", *row, "") for row in ROWS], " | ")
+    ),
+    "units in words": table("Zeit,ap,ml\nSekunden,Millimeter,millimetres", ROWS),
+    "times in minutes": table("t [min],ap [mm],ml [mm]", [(f"{t / 60:.12f}", a, m) for t, a, m in ROWS]),
+    "times with a date": table("when,ap [mm],ml [mm]", at_night("%Y-%m-%d %H:%M:%S.%f")),
+    "times with a date and a zone": table(
+        "ap [mm],when,ml [mm]", [(a, f"{t}+01:00", m) for t, a, m in at_night("%Y-%m-%dT%H:%M:%S.%f")]
+    ),
+    "times with a date of another country": table("Zeit;ap [mm];ml [mm]", at_night("%d.%m.%Y %H:%M:%S,%f"), ";", ","),
+    "times of the day": table("time,ap [mm],ml [mm]", at_night("%H:%M:%S.%f")),
+    "a title for each channel": (
+        "Interval=\t0.01 s\nExcelDateTime=\t4.6e+04\t04.03.2026 09:30:00\nTimeFormat=\tStartOfBlock\n"
+        "ChannelTitle=\tap\tml\nRange=\t10.00 V\t10.00 V\nUnitName=\tmm\tmm\n" + table(None, ROWS, "\t")
+    ),
     "a column of text": table("t [s],ap [mm],eyes,ml [mm]", [(t, a, "open", m) for t, a, m in ROWS]),
 }
 
@@ -113,6 +141,7 @@ LEFT = {
     "layers of a marker system": "Frame, which counts rows or time",
     "a second column of times": "time since start, which counts rows or time",
     "numbered frames": "frame, which counts rows or time",
+    "units behind a slash": "Nr., which counts rows or time",
     "numbered frames by another name": "Frame#, which counts rows or time",
     "numbers of packets": "packet, which counts rows or time",
     "an index that was saved twice": "Unnamed: 0, which counts rows or time",
@@ -123,7 +152,7 @@ LEFT = {
 
 def shown(series):
     """The signals in millimetres."""
-    return series.values * [{"mm": 1.0, "µm": 1e-3}[unit] for unit in series.units]
+    return 1e3 * convert_to_si(series, "length", "length").values
 
 
 @pytest.mark.parametrize("kind", READ)
@@ -178,13 +207,20 @@ ASKED = {
     "trials by times": (
         table(HEAD, [*ROWS[: N // 2], *ROWS[: N // 2]]), "times begin again in row 201, as of trials one below the"
     ),
-    "seconds in another language": (table("Zeit [Sekunden],ap [mm],ml [mm]", ROWS), "times in 'Sekunden'; expected"),
+    "times in no unit of time": (table("Zeit [Ticks],ap [mm],ml [mm]", ROWS), "times in 'Ticks'; expected s, ms,"),
     "times that are empty": (table("t,ap [mm],ml [mm]", [("", *row[1:]) for row in ROWS]), "t has no values; fill it"),
     "numbers of rows as times": (table("time,ap [mm],ml [mm]", whole()), "time rises by 1 from row to row"),
     "milliseconds without a unit": (table("t,ap [mm],ml [mm]", whole(10)), r"name it 't \[s\]' or 't \[ms\]'"),
     "microseconds without a unit": (table("t,ap [mm],ml [mm]", whole(1e4)), "t rises by 10000 from row to row"),
-    "times of the day": (
-        table("time,ap [mm],ml [mm]", [(f"00:00:{t:05.2f}", a, m) for t, a, m in ROWS]), "no column of times"
+    "times of the day in whole seconds": (
+        table("time,ap [mm],ml [mm]", [(f"00:00:{int(t):02d}", a, m) for t, a, m in ROWS]), "no column of times"
+    ),
+    "times of two trials side by side": (
+        table("t1 [s],ap [mm],t2 [s],ml [mm]", [(t, a, 2 * t, m) for t, a, m in ROWS]),
+        r"t1 lasts 3\.99 s and t2 7\.98 s; of two trials side by side, save each in a file of its own",
+    ),
+    "times of two trials side by side, of one name": (
+        table("t,ap [mm],t,ml [mm]", [(t, a, 2 * t, m) for t, a, m in ROWS]), r"t lasts 3\.99 s and t 7\.98 s"
     ),
     "numbers with two units": (
         table("t [s],ap", [(t, f"{a:.2f} {'cm' if i == 7 else 'mm'}") for i, (t, a, _) in enumerate(ROWS)]),
@@ -322,6 +358,52 @@ def test_a_rate_overrules_times_of_an_unknown_unit_and_no_others(tmp_path):
     assert np.diff(read_series(tmp_path / "sway.csv", rate=50.0).t) == pytest.approx(1 / RATE)
 
 
+@pytest.mark.parametrize("column", ["ap", "ml"])
+def test_of_trials_side_by_side_with_other_times_none_is_read_by_those_of_the_first(column, tmp_path):
+    """The second was measured with the times of the first, at twice its speed."""
+    (tmp_path / "sway.csv").write_text(table("t1 [s],ap [mm],t2 [s],ml [mm]", [(t, a, 2 * t, m) for t, a, m in ROWS]))
+    with pytest.raises(DataError, match=r"t1 lasts 3\.99 s and t2 7\.98 s"):
+        read_series(tmp_path / "sway.csv", columns=[column])
+
+
+QUOTIENTS = "speed mm/s,encoder counts/mm,N/mm,px/s"
+
+
+def test_a_quotient_in_a_name_is_no_unit(tmp_path):
+    """One of times, or of others in brackets, tells whether what stands behind a slash is a unit."""
+    rows = [(a, m, a, m, t) for t, a, m in ROWS]
+    for head, known in (
+        (f"{QUOTIENTS},t [s]", tuple((name, "") for name in QUOTIENTS.split(","))),
+        (
+            "speed mm/s,v/(mm/s),N/mm,px/s,t/s",
+            (("speed mm/s", ""), ("v", "mm/s"), ("N/mm", ""), ("px/s", "")),
+        ),
+    ):
+        (tmp_path / "sway.csv").write_text(table(head, rows))
+        series = read_series(tmp_path / "sway.csv")
+        assert tuple(zip(series.names, series.units, strict=True)) == known
+        assert np.diff(series.t) == pytest.approx(1 / RATE)
+
+
+@pytest.mark.parametrize("first", ["No.", "N°", "Amostra", "Dauer"])
+@pytest.mark.parametrize("step", [1.0, 1 / RATE])
+def test_with_a_rate_a_column_that_counts_its_rows_is_none_of_sway(first, step, tmp_path):
+    rows = [(f"{7 + i * step:.6g}", a, m) for i, (_, a, m) in enumerate(ROWS)]
+    (tmp_path / "sway.csv").write_text(table(f"{first},ap [mm],ml [mm]", rows))
+    series = read_series(tmp_path / "sway.csv", rate=RATE)
+    assert series.names == ("ap", "ml")
+    assert series.facts["left out"] == f"left out: {first}, which counts rows or time"
+
+
+@pytest.mark.parametrize(("head", "cell"), [("time [samples]", "{}"), ("Time (frames)", "{}"), ("X_Value", "")])
+def test_times_in_rows_or_without_values_take_the_rate(head, cell, tmp_path):
+    rows = [(cell.format(i), a, m) for i, (_, a, m) in enumerate(ROWS)]
+    (tmp_path / "sway.csv").write_text(table(f"{head},ap [mm],ml [mm]", rows))
+    assert np.diff(read_series(tmp_path / "sway.csv", rate=RATE).t) == pytest.approx(1 / RATE)
+    with pytest.raises(DataError, match="say with --rate how many rows a second has"):
+        read_series(tmp_path / "sway.csv")
+
+
 @pytest.mark.parametrize("name", ["Dauer", ""])
 def test_times_that_nothing_names_are_asked_about_and_not_measured(name, tmp_path):
     """A rate was believed, and the times were measured as sway: half the speed, with a wrong rate."""
@@ -329,7 +411,7 @@ def test_times_that_nothing_names_are_asked_about_and_not_measured(name, tmp_pat
     with pytest.raises(DataError, match=rf"{name or 'column 1'} rises by 0\.01 in every row"):
         read_series(tmp_path / "sway.csv", rate=50.0)
     named = ["ap", "ml"] if name else ["column 2", "column 3"]
-    assert read_series(tmp_path / "sway.csv", rate=RATE, columns=named).names == tuple(named)
+    assert read_series(tmp_path / "sway.csv", rate=50.0, columns=named).names == tuple(named)
 
 
 def test_columns_of_parquet_are_read_by_what_they_mean(tmp_path):

@@ -18,10 +18,11 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.base.text import one_line
 from icmj.errors import DataError
-from icmj.series.columns import choose_columns, name_and_unit
+from icmj.series.columns import bracket_units, choose_columns, name_and_unit
 from icmj.series.csv_table import HEAD, LONGEST_LINE, TableForm, find_form, list_missing_words
 from icmj.series.long_table import find_labels
 from icmj.series.series import Series
+from icmj.series.time_of_day import pass_midnight, read_times
 from icmj.series.units import canonicalise
 
 if TYPE_CHECKING:
@@ -42,14 +43,15 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
     form = find_form(b"".join(islice(iter(lambda: file.readline(LONGEST_LINE + 1), b""), HEAD)))
     if len(form.headers) > MOST_COLUMNS:
         raise DataError(f"{len(form.headers)} columns; expected at most {MOST_COLUMNS}")
-    headers = [header or f"column {i + 1}" for i, header in enumerate(form.headers)]
+    headers = [header or f"column {i + 1}" for i, header in enumerate(bracket_units(form.headers))]
     labels = find_labels(headers, columns)
-    numeric = [i for i, number in enumerate(form.numeric) if number and i not in labels]
+    numeric = [*form.stamps, *(i for i, number in enumerate(form.numeric) if number and i not in labels)]
     left = [f"{headers[i]}, which is text" for i in form.texts if i not in labels]
     for i, words in form.faults.items():
         if i in form.texts and i not in labels and not columns:
             raise DataError(f"{headers[i]}: {words!r} is no number; write the unit in the name")
     units = [_one_unit(*of) for of in zip(headers, form.units, form.cell_units, strict=True)]
+    units = ["s" if i in form.stamps else unit for i, unit in enumerate(units)]
     choice = choose_columns(
         [headers[i] for i in numeric], [units[i] for i in numeric], columns, rate, left,
         {numeric.index(i): words for i, words in form.faults.items() if i in numeric},
@@ -74,6 +76,8 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
         count += len(rows)
         for known, more in zip(named, found, strict=True):
             known += more.chunks
+    for i in (i for i, at in enumerate(chosen) if at in form.stamps):
+        data[:count, i] = pass_midnight(data[:count, i])
     cells = [pa.chunked_array(known, pa.string()) for known in named]
     *before, last = choice.to_trials(data[:count], list(zip((headers[i] for i in texts), cells, strict=True)))
     return (*before, replace(last, facts={**last.facts, "cut": cut}) if cut else last)
@@ -109,7 +113,8 @@ def _read_rows(
     import pyarrow as pa
     import pyarrow.csv as pc
 
-    types = {str(i): pa.string() if form.cell_units[i] or i in labels else pa.float64() for i in (*chosen, *labels)}
+    words = {i for i in (*chosen, *labels) if form.cell_units[i] or i in form.stamps or i in labels}
+    types = {str(i): pa.string() if i in words else pa.float64() for i in (*chosen, *labels)}
     if not text.strip():
         return np.empty((0, len(chosen))), [pa.chunked_array([], pa.string()) for _ in labels]
     text = form.clean(text)
@@ -129,7 +134,11 @@ def _read_rows(
                 decimal_point=form.decimal,
             ),
         )
-        numbers = [_without_unit(table[str(i)], form.cell_units[i], form.decimal) for i in chosen]
+        numbers = [
+            read_times(table[str(i)]) if i in form.stamps
+            else _without_unit(table[str(i)], form.cell_units[i], form.decimal)
+            for i in chosen
+        ]  # fmt: skip
         return np.column_stack(numbers), [table[str(i)] for i in labels]
     except pa.ArrowInvalid as error:
         raise DataError(f"not a table of numbers after line {form.first} ({one_line(error, 160)})") from error
