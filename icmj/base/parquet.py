@@ -97,7 +97,7 @@ def read_parquet(
     import pyarrow.parquet as pq
 
     try:
-        with pq.ParquetFile(pa.BufferReader(content)) as file:
+        with pq.ParquetFile(pa.BufferReader(content), page_checksum_verification=True) as file:
             at_once = _rows_at_once(file.metadata, most_rows, most_bytes)
             if check is not None:
                 check(file.schema_arrow, file.metadata.num_rows)

@@ -71,7 +71,7 @@ def rows(plan: BankPlan, draws: range, progress: Callable[[float], None] | None 
             if progress is not None:
                 progress(len(found["draw"]) / len(draws))
     sink = io.BytesIO()
-    pq.write_table(pa.table(found), sink)
+    pq.write_table(pa.table(found), sink, write_page_checksum=True)
     return sink.getvalue()
 
 

@@ -275,7 +275,7 @@ def report_death(plan: Plan, index: int, why: str) -> pa.Table:
 def parquet(table: pa.Table) -> bytes:
     """A table as a whole Parquet file."""
     sink = pa.BufferOutputStream()
-    pq.write_table(table, sink, compression="zstd")
+    pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
     return bytes(sink.getvalue())
 
 

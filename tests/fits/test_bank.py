@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from tampering import reseal
 
 import icmj
 from icmj.case.case import prepare, simulate
@@ -153,3 +154,15 @@ def test_a_family_file_that_is_wrong_is_one_line(tmp_path):
             load_family(tmp_path / "f.toml")
     with pytest.raises(RunFileError, match="did you mean event"):
         load_family("evnt")
+
+
+def test_a_number_that_changed_before_its_digest_was_taken_is_noticed(tmp_path):
+    """One bit of a number made another bank, if the digest was that of the changed file: each page has its own."""
+    bank = simulate_bank(load_family("clock"), 3, seed=4, trials=1, duration=30.0, jobs=1, folder=tmp_path)
+    path = tmp_path / DRAWS / "00000000.parquet"
+    content = bytearray(path.read_bytes())
+    content[content.index(bank.theta[1, 0].tobytes()) + 3] ^= 1
+    path.write_bytes(content)
+    reseal(tmp_path)
+    with pytest.raises(FitError, match=r"00000000\.parquet: cannot be read \(.*checksum"):
+        read_bank(tmp_path)
