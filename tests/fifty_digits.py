@@ -179,6 +179,18 @@ def turn(loop: Loop, rng: np.random.Generator, decades: int) -> Loop:
     return Loop(plant(loop.actual, M), design, hold, delay, loop.end / hour, words)
 
 
+def draw_pair(seed: int, far: bool = False) -> tuple[Loop, Loop, bool]:
+    """A random loop, the same as it is given to icmj, and whether that has no further states."""
+    rng, first = np.random.default_rng(seed + 10**6), draw(seed)
+    given, alike = first, True
+    if rng.uniform() < 0.3:
+        first, alike = replace(first, delay=Delay()), False
+        given = widen(first, rng)
+    if rng.uniform() < 0.5:
+        given = turn(given, rng, 6 if far else 3)
+    return first, given, alike
+
+
 class Scan:
     """Eigenvalues of φ(Δ) of a loop with 50 digits, or more where φ would lose them."""
 
@@ -347,13 +359,7 @@ def check(seed: int, far: bool) -> tuple[str, list[str], str]:
     They are the ``same``, ``unresolved`` where icmj says so, or ``refused``; otherwise ``rounded`` if they are those of
     the scan in the same coordinates, ``near`` if within a hundred times :data:`CLOSE`, or ``wrong``.
     """
-    rng, first = np.random.default_rng(seed + 10**6), draw(seed)
-    given, alike = first, True
-    if rng.uniform() < 0.3:
-        given, alike = widen(replace(first, delay=Delay()), rng), False
-        first = replace(first, delay=Delay())
-    if rng.uniform() < 0.5:
-        given = turn(given, rng, 6 if far else 3)
+    first, given, alike = draw_pair(seed, far)
     words = f"seed {seed}: {given.words}, delay {given.delay}"
     try:
         found = given.crossings()

@@ -126,16 +126,15 @@ def search(
         prepared = prepared or make_flow(system.A_C)
         prepared.demand(delta_max)
         reduced = reduce_system(system, prepared)
-    spectra = Spectra(reduced)
-    if not spectra.count:
+    if not len(reduced.left):
         return Search((), delta_max)
     unit = 2.0 ** round(np.log2(delta_max / 3))
     fine = _RESOLUTION * unit if resolution is None else resolution
-    finder = _Finder(spectra, Spectra(reduced, _ERROR), fine, unit, progress or (lambda _: None))
+    finder = _Finder(reduced, fine, unit, progress or (lambda _: None))
     found = finder.run(max(delta_start, finder.t_d), _find_end(reduced, delta_max))
     if not found.unresolved:
         return found
-    finder = _Finder(Spectra(reduced, long=True), Spectra(reduced, _ERROR, long=True), fine, unit, finder.progress)
+    finder = _Finder(reduced, fine, unit, finder.progress, long=True)
     return finder.repeat(found)
 
 
@@ -164,11 +163,19 @@ class _Finder:
     """The search on one system: panels, zeros, crossings."""
 
     def __init__(
-        self, spectra: Spectra, other: Spectra, resolution: float, unit: float, progress: Callable[[float], None]
+        self,
+        reduced: Reduction,
+        resolution: float,
+        unit: float,
+        progress: Callable[[float], None],
+        long: bool = False,
     ) -> None:
-        self.spectra, self.resolution, self.unit, self.progress = spectra, resolution, unit, progress
-        self.other = other
-        self.on, self.t_d = _ON, spectra.t_d
+        self.resolution, self.unit, self.progress = resolution, unit, progress
+        self.spectra, self.other = Spectra(reduced, long=long), Spectra(reduced, _ERROR, long=long)
+        # what was taken out is slow, so that it mixes with what is beside +1
+        beside = Spectra(reduced, reduced.neglected, long=long) if reduced.neglected > 1000 * _ERROR else self.other
+        self.others: dict[Kind, Spectra] = {"+1": beside, "-1": self.other, "complex": self.other}
+        self.on, self.t_d = _ON, reduced.t_d
 
     def run(self, start: float, end: float) -> Search:
         if end <= start:
@@ -280,14 +287,14 @@ class _Finder:
 
     def _blur(self, kind: Kind, delta: float, level: float) -> float:
         """How far rounding moves log|λ| = ``level`` of the eigenvalue of this kind at ``delta``."""
-        there = self.other.branch(kind, delta)
+        there = self.others[kind].branch(kind, delta)
         return abs(float(np.log(abs(there.value))) - level) if there is not None and there.value else 0.0
 
     def _moved(self, delta: float, *kinds: Kind) -> float:
         """How far rounding may move a crossing near ``delta``, of these kinds or of any [s]; 0 if there is none."""
         farthest = 0.0
         for kind in (kinds or KINDS) if delta > self.t_d else ():
-            here, there = (of.branch(kind, delta) for of in (self.spectra, self.other))
+            here, there = (of.branch(kind, delta) for of in (self.spectra, self.others[kind]))
             if here is None or there is None or not here.value or not there.value:
                 continue
             level, slope = np.log(abs(here.value)), float(np.abs(here.rates.mean()))

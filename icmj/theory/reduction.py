@@ -52,6 +52,8 @@ class Reduction:
         scale: of the balanced coordinates of x̄, shape (n + n̂,).
         modes: what was taken out.
         t_d: delay [s]; ``right`` then leads to the state after the action, and x̄ is the whole state at an event.
+        neglected: what the removed directions do to the rest, or it to them, relative to A. It is rounding, unless one
+            is neutral but for an error that A may have.
     """
 
     flow: Flow
@@ -65,6 +67,7 @@ class Reduction:
     scale: Array
     modes: tuple[NeutralMode, ...]
     t_d: float = 0.0
+    neglected: float = 0.0
 
     @property
     def A(self) -> Array:
@@ -150,6 +153,7 @@ def reduce_system(system: ErrorSystem, prepared: Flow | None = None) -> Reductio
         (Q @ L).T / s,
         s,
         tuple(modes),
+        neglected=_measure_coupling(A, D, Q @ L, R),
     )
 
 
@@ -174,10 +178,23 @@ def _balance_whole(system: ErrorSystem, whole: Flow) -> Reduction:
 
 def restrict_system(A: Array, R: Array) -> Array:
     """A on (R x̄_r, e_hp)."""
-    rest = len(A) - len(R)
-    K = np.zeros((len(A), R.shape[1] + rest))
-    K[: len(R), : R.shape[1]], K[len(R) :, R.shape[1] :] = R, np.eye(rest)
+    K = _extend(R, len(A))
     return np.asarray(K.T @ A @ K)
+
+
+def _extend(R: Array, size: int) -> Array:
+    """Basis of (R x̄_r, e_hp) in (x̄, e_hp), shape (size, m + n̂)."""
+    rest = size - len(R)
+    K = np.zeros((size, R.shape[1] + rest))
+    K[: len(R), : R.shape[1]], K[len(R) :, R.shape[1] :] = R, np.eye(rest)
+    return K
+
+
+def _measure_coupling(A: Array, D: Array, L: Array, R: Array) -> float:
+    """What D does to (R x̄_r, e_hp), and these to L, relative to A: none if D and L are invariant."""
+    K, size = _extend(R, len(A)), len(R)
+    onto, out_of = K.T @ A[:, :size] @ D, L.T @ A[:size] @ K
+    return float(np.hypot(np.linalg.norm(onto), np.linalg.norm(out_of)) / np.linalg.norm(A))
 
 
 class _ModeNames:

@@ -2,9 +2,8 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from fifty_digits import Scan, check, differences, draw, turn
+from fifty_digits import Scan, check, differences, draw, draw_pair
 
 from icmj import error_system
 from icmj.theory.crossings import search
@@ -45,6 +44,7 @@ def test_an_eigenvalue_that_passes_the_circle_too_fast_to_be_seen_on_it_has_its_
 @pytest.mark.parametrize("seed", [
     280,  # gains of which rounding leaves three digits
     633,  # a mode that seems unobservable beside a gain of ten thousand, in mixed coordinates
+    pytest.param(703, marks=pytest.mark.slow),  # of two modes that decay as e^(-1e-7 t) one was taken for an offset
 ])  # fmt: skip
 def test_what_rounding_hides_is_said(seed):
     assert check(seed, far=False)[0] in ("same", "unresolved")
@@ -53,8 +53,7 @@ def test_what_rounding_hides_is_said(seed):
 @pytest.mark.parametrize("seed", [230, 929])
 def test_what_one_input_moves_beside_gains_of_1e8_is_no_offset(seed):
     """Rates of 0.03 to 0.4/s: what rounding may put at zero, or is small beside the gains, is not zero for that."""
-    rng = np.random.default_rng(seed + 10**6)
-    loop = turn(draw(seed), rng, 3) if rng.uniform(size=2)[1] < 0.5 else draw(seed)  # as check() does
+    loop = draw_pair(seed)[1]
     assert reduce_system(error_system(loop.actual, loop.design, loop.hold)).modes == ()
 
 
@@ -73,3 +72,12 @@ def test_a_crossing_that_is_left_out_or_moved_is_noticed(seed):
     moved = replace(first, delta=first.delta + 1e-5 * loop.end)
     for others in (rest, (moved, *rest)):
         assert differences(replace(found, crossings=tuple(others)), scan, loop.end)
+
+
+def test_what_a_reduction_neglects_is_rounding_where_a_mode_is_neutral():
+    neglected = {}
+    for seed in (11, 48, 53, 62, 119, 703):
+        loop = draw_pair(seed)[1]
+        neglected[seed] = reduce_system(error_system(loop.actual, loop.design, loop.hold)).neglected
+    assert 1e-12 < neglected.pop(703) < 1e-9
+    assert max(neglected.values()) < 1e-13  # chains of integrators beside gains of up to 1e4
