@@ -29,6 +29,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "command_line",
     "docstrings",
+    "facts",
     "links",
     "live_pages",
     "mathml",

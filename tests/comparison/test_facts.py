@@ -1,5 +1,7 @@
 """Each fact is said once, and nowhere forgotten; files keep the names that they had."""
 
+import importlib
+import re
 from dataclasses import fields
 from pathlib import Path
 
@@ -16,33 +18,27 @@ from icmj.theory.prediction import PREDICTION
 TABLES = {"PREDICTION": PREDICTION, "RUN": RUN, "CYCLE": CYCLE, "WITHOUT_PREDICTION": WITHOUT_PREDICTION}
 ALL = [(table, fact) for table, facts in TABLES.items() for fact in facts]
 NAMED = [f"{table} {fact.name}" for table, fact in ALL]
-WHERE = {
-    "PREDICTION": ("predicted", "predicted", "predicted"), "RUN": ("measured", "PLANT", "measured"),
-    "CYCLE": ("", "PLANT_cycle", ""), "WITHOUT_PREDICTION": ("", "PLANT", ""),
-}  # fmt: skip
-
-
-def documented(table: str, fact: Fact) -> str:
-    """Its line in docs/facts.md."""
-    record, column, logged = WHERE[table]
-    each = "_OUTPUT" if fact.kind == "outputs" else ""
-    unit = "of the output" if each else fact.unit
-    keys = [
-        f"`{record}.{fact.key('record')}`" if record and fact.key("record") else "",
-        f"`{column}_{fact.key('column')}{each}`" if fact.key("column") else "",
-        f"`{logged}.{fact.key('logged')}{each}`" if logged and fact.key("logged") else "",
-    ]
-    cells = (fact.meaning, unit, *(keys if record else keys[1:2]))
-    return f"|{'|'.join(f' {cell} ' if cell else ' ' for cell in cells)}|"
 
 
 @pytest.mark.parametrize(("table", "fact"), ALL, ids=NAMED)
-def test_a_fact_has_label_unit_and_meaning_and_is_documented(table: str, fact: Fact, root: Path) -> None:
+def test_a_fact_has_label_unit_and_meaning(table: str, fact: Fact) -> None:
     assert fact.label
     assert len(fact.meaning) >= 5
-    assert fact.unit in {"", "s", "1/s"}, "a unit that a table does not know: name it here, and say it in docs/facts.md"
+    assert fact.unit in {"", "s", "1/s"}, "a unit that a table does not know: name it here"
+
+
+def test_a_page_tabulates_every_fact_under_the_names_of_its_files(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("sphinx")
+    monkeypatch.syspath_prepend(root / "docs" / "_ext")
+    tables = importlib.import_module("facts")
+    assert [facts for facts, *_ in tables.TABLES.values()] == list(TABLES.values())
     page = (root / "docs" / "facts.md").read_text(encoding="utf-8")
-    assert documented(table, fact) in page, "docs/facts.md does not have this line"
+    assert re.findall(r"^```\{facts\} (\S+)$", page, flags=re.M) == list(tables.TABLES)
+    lines = tables.tabulate_facts("run")
+    assert "| events in a period |  |  | `PLANT_p` | `measured.events_per_period` |" in lines
+    whole = "largest magnitude of each output over a period, or of late in the run | of the output"
+    names = "`measured.amplitude` | `PLANT_peak_OUTPUT` | `measured.amplitude_OUTPUT`"
+    assert f"| {whole} | {names} |" in lines
 
 
 def test_no_fact_is_nowhere_and_no_name_is_taken_twice() -> None:
