@@ -1,4 +1,4 @@
-"""The glossary against the pages: a symbol of their mathematics stands there once, with one meaning and its pages."""
+"""The glossary against the pages: a symbol that several of them use stands there once, with one meaning."""
 
 import re
 from collections import defaultdict
@@ -41,14 +41,11 @@ def formulas_of(text: str) -> list[str]:
     return [displayed or within for displayed, within in re.findall(r"\$\$(.*?)\$\$|\$([^$]+?)\$", text, flags=re.S)]
 
 
-def listed() -> list[tuple[str, str, set[str]]]:
-    """Symbol, meaning and pages of each row of the glossary; forms of a symbol share a row."""
-    rows = re.findall(r"^\| (\$.+?\$) \| (.+?) \| (.+?) \|$", (DOCS / "glossary.md").read_text("utf-8"), flags=re.M)
-    return [
-        (symbol, meaning, set(re.findall(r"\]\((\w+)\.md\)", pages)))
-        for row, meaning, pages in rows
-        for symbol in sorted(set().union(*map(symbols_of, formulas_of(row))))
-    ]
+def listed() -> dict[str, set[str]]:
+    """The symbols of each row of the glossary, by its meaning; forms of a symbol share a row."""
+    rows = re.findall(r"^\| (\$.+?\$) \| (.+?) \|$", (DOCS / "glossary.md").read_text("utf-8"), flags=re.M)
+    assert len({meaning for _, meaning in rows}) == len(rows)
+    return {meaning: set().union(*map(symbols_of, formulas_of(row))) for row, meaning in rows}
 
 
 def used() -> dict[str, set[str]]:
@@ -71,22 +68,16 @@ def test_a_formula_is_taken_apart():
 
 
 def test_a_symbol_has_one_row_and_a_meaning_of_its_own():
-    rows = listed()
-    symbols = [symbol for symbol, _, _ in rows]
-    assert len(symbols) > 100
+    symbols = [symbol for row in listed().values() for symbol in row]
+    assert len(symbols) > 50
     assert sorted(symbols) == sorted(set(symbols))
-    text = (DOCS / "glossary.md").read_text(encoding="utf-8")
-    meanings = re.findall(r"^\| \$.+?\$ \| (.+?) \| .+? \|$", text, flags=re.M)
-    assert len(meanings) == len(set(meanings))
 
 
-def test_a_symbol_stands_on_the_pages_that_the_glossary_names_and_on_no_others():
-    """So that a page which takes one up has to be entered beside its meaning."""
-    # forms of one symbol share a row, and with it its pages
-    named, pages = defaultdict(set), used()
-    for symbol, meaning, stated in listed():
-        named[meaning] |= pages.pop(symbol, set())
-        assert stated >= named[meaning], symbol
-        assert symbol in used(), symbol
-    assert not pages, dict(pages)
-    assert {meaning: stated for _, meaning, stated in listed()} == dict(named)
+def test_the_glossary_has_the_symbols_that_several_pages_use():
+    """So that a page which takes up a symbol of another has its meaning; what one page alone uses is defined there."""
+    pages, rows = used(), listed()
+    known = set().union(*rows.values())
+    assert known <= set(pages)
+    assert {symbol for symbol, places in pages.items() if len(places) > 1} <= known
+    alone = {meaning for meaning, row in rows.items() if len(set().union(*(pages[symbol] for symbol in row))) == 1}
+    assert not alone
