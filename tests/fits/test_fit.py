@@ -1,7 +1,6 @@
 """The fit as a whole, of toy families that sway as filtered noise: what is found, resumed, and left in the folder."""
 
 import json
-import re
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from types import SimpleNamespace
@@ -329,10 +328,8 @@ def test_people_whose_files_would_have_one_name_or_none_are_refused_before_any_w
 def test_a_model_error_under_noise_is_inferred_as_the_documentation_says(tmp_path, root, monkeypatch):
     """The family of docs/sweeps.md: b and the noise of people whom it was not trained on, with intervals that hold."""
     monkeypatch.setattr(families_module, "MEMBERS", 1)  # in a quarter of the time
-    page = (root / "docs" / "sweeps.md").read_text(encoding="utf-8")
-    (text,) = (block for block in re.findall(r"```toml\n(.*?)```", page, re.DOTALL) if 'name = "pendulum"' in block)
-    (tmp_path / "pendulum.toml").write_text(text, encoding="utf-8")
-    trained = train_family(load_family(tmp_path / "pendulum.toml"), tmp_path / "trained", 400, check=100, trials=1)
+    family = load_family(root / "examples" / "pendulum-family.toml")
+    trained = train_family(family, tmp_path / "trained", 400, check=100, trials=1)
     found = trained.calibration
     assert found.contraction[0] > 0.9
     assert found.contraction[1] > 0.8
