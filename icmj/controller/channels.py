@@ -21,9 +21,10 @@ import numpy as np
 from annotated_types import Len
 
 from icmj.base.array import MOST_ENTRIES, Array, Finite, NonNegative
-from icmj.controller.law import Law
+from icmj.controller.law import Law, expect_positive, find_input, find_output
 from icmj.controller.layout import Layout
 from icmj.controller.realisation import Guard, Mode, Realisation
+from icmj.controller.switching import make_guards
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, expect_linear
 
@@ -78,11 +79,7 @@ class Channel:
         for what, said in (("position", self.position), ("rate", self.rate)):
             row = np.zeros(len(outputs))
             for name, weight in ({said: 1.0} if isinstance(said, str) else said).items():
-                if name not in outputs:
-                    raise AnalysisError(
-                        f"the {what} is of output {name!r}; the plant's outputs are {', '.join(outputs)}"
-                    )
-                row[outputs.index(name)] = weight
+                row[find_output(outputs, name, what)] = weight
             if not (np.isfinite(row).all() and row.any()):
                 raise AnalysisError(f"the weights of a channel's {what} must be finite, and not all zero")
             found.append(row)
@@ -112,17 +109,14 @@ class SwitchingChannels(Law):
 
     def __post_init__(self) -> None:
         expect_linear(self.assumed, "the assumed plant")
-        inputs = self.assumed.inputs
         if not self.channels:
             raise AnalysisError("a switching controller needs at least one channel")
         if sum(channel.switches for channel in self.channels) > MOST:
             raise AnalysisError(f"at most {MOST} channels can switch; let the others be on throughout")
         for channel in self.channels:
             channel.rows(self.assumed.outputs)
-            if (channel.input and channel.input not in inputs) or (not channel.input and len(inputs) > 1):
-                raise AnalysisError(f"name the input of each channel, one of {', '.join(inputs)}")
-        if not (np.isfinite(self.delay) and self.delay > 0):
-            raise AnalysisError(f"the delay of the switching controller must be positive, got {self.delay} s")
+            find_input(self.assumed, channel.input, "the input of each channel")
+        expect_positive(self.delay, "delay of the switching controller")
 
     @property
     def plant(self) -> LinearPlant:
@@ -146,15 +140,10 @@ class SwitchingChannels(Law):
         for channel in self.channels:
             position, rate = channel.rows(outputs)
             S = np.zeros((n_u, len(outputs)))
-            S[self.assumed.inputs.index(self._called(channel))] = channel.P * position + channel.D * rate
+            S[find_input(self.assumed, channel.input)] = channel.P * position + channel.D * rate
             feedback.append(S)
             if channel.switches:
-                # θ (θ' − a θ), and how far out; on where all are positive
-                across = np.outer(position, rate)
-                mine = [Guard((across + across.T) / 2 - channel.slope * np.outer(position, position))]
-                if channel.dead_zone:
-                    far = np.outer(position, position) + np.outer(rate, rate)
-                    mine.append(Guard(far, -(channel.dead_zone**2)))
+                mine = make_guards(position, rate, channel.slope, channel.dead_zone)[: 2 if channel.dead_zone else 1]
                 bits.append([len(guards) + i for i in range(len(mine))])
                 guards += mine
         none = np.zeros((0, 0)), np.zeros((0, len(outputs))), np.zeros((n_u, 0))
@@ -170,7 +159,5 @@ class SwitchingChannels(Law):
             signs = range(1 << len(guards))
             row = [ways.index(tuple(all(sign >> bit & 1 for bit in mine) for mine in bits)) for sign in signs]
             table = np.tile(row, (len(modes), 1))
-        return Realisation(
-            Layout.of(), tuple(modes), np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(1, dtype=int),
-            taps=(float(self.delay),), guards=tuple(guards), table=table,
-        )  # fmt: skip
+        taps = (float(self.delay),)
+        return Realisation.of_modes(Layout.of(), tuple(modes), taps=taps, guards=tuple(guards), table=table)

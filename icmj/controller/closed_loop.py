@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, realise
+from icmj.controller.controller import Controller
 from icmj.controller.layout import Layout
 from icmj.plant.linear_plant import LinearPlant, transformation
 
@@ -113,14 +113,14 @@ def compose(
 
     Args:
         plant: the actual plant.
-        controller: of which :func:`icmj.controller.controller.realise` says how it moves.
+        controller: of which the realisation says how it moves.
         origin: the coordinates; one of :data:`ORIGINAL`, :data:`ERRORS` and :data:`CHAIN`.
         T_hat: T̂, shape (n̂, n); states of the same name are matched if ``None``.
 
     Raises:
         AnalysisError: if the trigger does not fit the design.
     """
-    real, n, n_u = realise(controller), plant.n, plant.n_u
+    real, n, n_u = controller.realisation, plant.n, plant.n_u
     T_hat = transformation(controller.design.plant, plant) if T_hat is None else T_hat
     own, size = real.rates, real.layout.size
     # what the plant has no part in: further states of the controller, signals that it is given

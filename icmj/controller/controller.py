@@ -21,7 +21,7 @@ from icmj.base.array import Array
 from icmj.controller.delay import LEAST, NO_DELAY, Delay
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
-from icmj.controller.law import Law
+from icmj.controller.law import Law, expect_part, expect_setpoint
 from icmj.controller.layout import Layout
 from icmj.controller.model_prediction import make_predictor
 from icmj.controller.realisation import Mode, Rates, Realisation
@@ -55,20 +55,12 @@ class Controller(Law):
     observed = True
 
     def __post_init__(self) -> None:
-        for part, kind, words in (
-            ("design", Design, "a Design"),
-            ("hold", Hold, "a Hold, such as that of system_matched"),
-            ("trigger", Trigger, "a Trigger, such as EventTrigger"),
-            ("delay", Delay, "a Delay"),
-        ):
-            if not isinstance(getattr(self, part), kind):
-                given = type(getattr(self, part)).__name__
-                raise AnalysisError(f"the controller's {part} is a {given}; expected {words}")
+        expect_part(self.design, Design)
+        expect_part(self.hold, Hold, ", such as that of system_matched")
+        expect_part(self.trigger, Trigger, ", such as EventTrigger")
+        expect_part(self.delay, Delay)
         self.hold.expect_fit(self.design)
-        if self.setpoint and not isinstance(self.setpoint, Setpoint):
-            raise AnalysisError(f"the controller's setpoint is a {type(self.setpoint).__name__}; expected a Setpoint")
-        if self.setpoint and len(self.setpoint.x_ss) != self.plant.n:
-            raise AnalysisError("the set-point's steady states are not of the controller's model; make it for that one")
+        expect_setpoint(self.setpoint, self.plant)
         if self.delay and not self.trigger.holds:
             raise AnalysisError(
                 "continuous control has no events whose action could be delayed; take a ClockTrigger of a small "
@@ -177,7 +169,7 @@ def start_state(controller: Controller, x_o: Array, x_h: Array) -> Array:
     idle = [expm(controller.model[1].A_h * t) @ x_h for t in times]
     pending = np.concatenate([np.zeros((slots - len(idle)) * len(x_h)), *idle])
     a = layout.join(x_o=x_o, x_h=x_h, pending=pending)
-    return np.asarray(realise(controller).J @ a)
+    return np.asarray(controller.realisation.J @ a)
 
 
 def continuous_limit(controller: Controller, clock: float = 0.0) -> Trigger:
@@ -187,15 +179,6 @@ def continuous_limit(controller: Controller, clock: float = 0.0) -> Trigger:
     """
     clock = controller.delay.t_d / 20 or clock
     return ClockTrigger(clock) if clock else Continuous()
-
-
-def realise(controller: Controller) -> Realisation:
-    """The controller as a linear system with resets (paper, eqs. obs, hold, u).
-
-    Raises:
-        AnalysisError: if the trigger does not fit the design.
-    """
-    return controller.realisation
 
 
 def _realise_states(controller: Controller) -> Realisation:

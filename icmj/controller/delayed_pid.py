@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from icmj.base.array import Finite, Positive
-from icmj.controller.law import Law
+from icmj.controller.law import Law, expect_positive, find_input, find_output
 from icmj.controller.layout import Layout
 from icmj.controller.realisation import Mode, Realisation
 from icmj.errors import AnalysisError
@@ -65,21 +65,18 @@ class DelayedPID(Law):
 
     def __post_init__(self) -> None:
         expect_linear(self.assumed, "the assumed plant")
-        inputs, outputs = self.assumed.inputs, self.assumed.outputs
+        outputs = self.assumed.outputs
         named = {"position": self.position, "rate": self.rate} | ({"force": self.force} if self.force else {})
         for what, name in named.items():
-            if name not in outputs:
-                raise AnalysisError(f"the {what} is the output {name!r}; the plant's outputs are {', '.join(outputs)}")
+            find_output(outputs, name, what)
         if len(set(named.values())) < len(named):
             raise AnalysisError(f"the same output serves twice among {', '.join(named)}; name different ones")
-        if (self.input and self.input not in inputs) or (not self.input and len(inputs) > 1):
-            raise AnalysisError(f"name the input that is controlled, one of {', '.join(inputs)}")
+        find_input(self.assumed, self.input, "the input that is controlled")
         for letter in ("P", "I", "D", "weight", "force_gain"):
             if not np.isfinite(getattr(self, letter)):
                 raise AnalysisError(f"{letter} must be a finite number, got {getattr(self, letter)}")
-        for what, value in (("delay", self.delay), ("time constant of the force feedback", self.force_time)):
-            if not (np.isfinite(value) and value > 0):
-                raise AnalysisError(f"the {what} of the delayed PID controller must be positive, got {value} s")
+        expect_positive(self.delay, "delay of the delayed PID controller")
+        expect_positive(self.force_time, "time constant of the force feedback of the delayed PID controller")
         if not self.force and self.D * self.force_gain >= self.force_time:
             raise AnalysisError(
                 f"force feedback of the command with D G/τ = {self.D * self.force_gain / self.force_time:g} has no "
@@ -107,7 +104,7 @@ class DelayedPID(Law):
     def realisation(self) -> Realisation:
         n_u, outputs = self.assumed.n_u, self.assumed.outputs
         theta, omega = outputs.index(self.position), outputs.index(self.rate)
-        acts = self.assumed.inputs.index(self.input) if self.input else 0
+        acts = find_input(self.assumed, self.input)
         # states: the integral of e, then f
         G, pace = self.force_gain, 1 / self.force_time
         M, N = np.array([[0.0, -1.0], [0.0, -pace]]), np.zeros((2, len(outputs)))
@@ -127,7 +124,4 @@ class DelayedPID(Law):
         kept = [state for state, read in enumerate((self.I, G)) if read]
         M, N, K = M[np.ix_(kept, kept)], N[kept], K[:, kept]
         layout = Layout.of(**{("integral", "force")[state]: 1 for state in kept})
-        return Realisation(
-            layout, (Mode("on", M, N, K, S),), np.eye(layout.size), np.eye(layout.size), np.zeros((0, layout.size)),
-            np.zeros(1, dtype=int), taps=(float(self.delay),),
-        )  # fmt: skip
+        return Realisation.of_modes(layout, (Mode("on", M, N, K, S),), taps=(float(self.delay),))

@@ -109,6 +109,49 @@ class RecordedLaw(Law):
         return {"controller": self.reference, **self.parameters}
 
 
+def expect_part(part: object, kind: type, example: str = "") -> None:
+    """Refuse a part of a controller, which is called as its class is, of another class; AnalysisError."""
+    if not isinstance(part, kind):
+        name = kind.__name__
+        raise AnalysisError(f"the controller's {name.lower()} is a {type(part).__name__}; expected a {name}{example}")
+
+
+def expect_setpoint(given: Setpoint | None, plant: LinearPlant) -> None:
+    """Refuse a set-point that a controller of this assumed plant cannot follow; it may have none.
+
+    Raises:
+        AnalysisError: if it is no set-point, or its steady states are of another plant.
+    """
+    if given:
+        expect_part(given, Setpoint)
+        if len(given.x_ss) != plant.n:
+            raise AnalysisError("the set-point's steady states are not of the controller's model; make it for that one")
+
+
+def find_output(outputs: tuple[str, ...], name: str, what: str) -> int:
+    """The place of an output that a controller reads; AnalysisError if there is none of this name."""
+    if name not in outputs:
+        raise AnalysisError(f"the {what} is the output {name!r}; the plant's outputs are {', '.join(outputs)}")
+    return outputs.index(name)
+
+
+def find_input(plant: LinearPlant, name: str, what: str = "the input") -> int:
+    """The place of the input that a controller commands; without a name that of the only one.
+
+    Raises:
+        AnalysisError: if there is none of this name, or several and no name.
+    """
+    if (name and name not in plant.inputs) or (not name and len(plant.inputs) > 1):
+        raise AnalysisError(f"name {what}, one of {', '.join(plant.inputs)}")
+    return plant.inputs.index(name) if name else 0
+
+
+def expect_positive(value: float, what: str) -> None:
+    """Refuse a time [s] that is not positive and finite; AnalysisError."""
+    if not (np.isfinite(value) and value > 0):
+        raise AnalysisError(f"the {what} must be positive, got {value} s")
+
+
 def expect_law(law: Law, plant: LinearPlant) -> Law:
     """See that a controller of the user's own is one for this assumed plant; all that is asked of it is asked once.
 

@@ -14,7 +14,7 @@ from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.errors import AnalysisError
 
-GROWTH = 36.0  # e³⁶: over a delay with more growth than that, rounding is as large as the state that is predicted
+_GROWTH = 36.0  # e³⁶: over a delay with more growth than that, rounding is as large as the state that is predicted
 
 
 def make_predictor(design: Design, hold: Hold, delay: float, resets: Sequence[float] = ()) -> Array:
@@ -35,12 +35,7 @@ def make_predictor(design: Design, hold: Hold, delay: float, resets: Sequence[fl
     """
     n, known = design.plant.n, 2 + len(resets)
     M = np.block([[design.plant.A, -design.plant.B @ design.k], [np.zeros((n, n)), hold.A_h]])
-    fastest = float(np.linalg.eigvals(M).real.max())
-    if fastest * delay > GROWTH:
-        raise AnalysisError(
-            f"no prediction over a delay of {delay:g} s: the model grows e^{fastest * delay:.3g}-fold in it, which "
-            "leaves no significant digit; assume a shorter delay"
-        )
+    expect_predictable(M, delay)
     state, now = np.eye(2 * n, known * n), 0.0
     for j, at in enumerate(resets):
         state = compute_exponential(M * (at - now)) @ state
@@ -48,3 +43,17 @@ def make_predictor(design: Design, hold: Hold, delay: float, resets: Sequence[fl
         state[n:, (2 + j) * n : (3 + j) * n] = np.eye(n)
         now = at
     return np.asarray((compute_exponential(M * (delay - now)) @ state)[:n])
+
+
+def expect_predictable(M: Array, delay: float) -> None:
+    """Refuse to predict the motion of ẋ = M x over a delay [s] in which it grows by more than a number has digits.
+
+    Raises:
+        AnalysisError: if it does.
+    """
+    fastest = float(np.linalg.eigvals(M).real.max(initial=0.0))
+    if fastest * delay > _GROWTH:
+        raise AnalysisError(
+            f"no prediction over a delay of {delay:g} s: the model grows e^{fastest * delay:.3g}-fold in it, which "
+            "leaves no significant digit; assume a shorter delay"
+        )

@@ -27,9 +27,9 @@ import numpy as np
 from icmj.base.array import RELATIVE_ROUNDING, Array
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design
-from icmj.controller.law import Law
+from icmj.controller.law import Law, expect_part, expect_setpoint
 from icmj.controller.layout import Layout
-from icmj.controller.model_prediction import GROWTH
+from icmj.controller.model_prediction import expect_predictable
 from icmj.controller.realisation import Mode, Realisation
 from icmj.controller.setpoint import Setpoint
 from icmj.errors import AnalysisError
@@ -60,25 +60,14 @@ class PredictorController(Law):
     setpoint: Setpoint | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.design, Design):
-            raise AnalysisError(f"the controller's design is a {type(self.design).__name__}; expected a Design")
-        if not isinstance(self.delay, Delay):
-            raise AnalysisError(f"the controller's delay is a {type(self.delay).__name__}; expected a Delay")
+        expect_part(self.design, Design)
+        expect_part(self.delay, Delay)
         if not self.delay:
             raise AnalysisError(
                 "the predictor controller predicts over a delay, and there is none; give one, or take Continuous()"
             )
-        fastest = float(np.linalg.eigvals(self.plant.A).real.max(initial=0.0))
-        if fastest * self.delay.predicted > GROWTH:
-            raise AnalysisError(
-                f"no prediction over a delay of {self.delay.predicted:g} s: the model grows "
-                f"e^{fastest * self.delay.predicted:.3g}-fold in it, which leaves no "
-                "significant digit; assume a shorter delay"
-            )
-        if self.setpoint and not isinstance(self.setpoint, Setpoint):
-            raise AnalysisError(f"the controller's setpoint is a {type(self.setpoint).__name__}; expected a Setpoint")
-        if self.setpoint and len(self.setpoint.x_ss) != self.plant.n:
-            raise AnalysisError("the set-point's steady states are not of the controller's model; make it for that one")
+        expect_predictable(self.plant.A, self.delay.predicted)
+        expect_setpoint(self.setpoint, self.plant)
 
     @property
     def plant(self) -> LinearPlant:

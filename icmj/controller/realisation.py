@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from numbers import Real
+from typing import Any
 
 import numpy as np
 
@@ -263,6 +264,12 @@ class Realisation:
             object.__setattr__(self, "table", table.reshape(count, patterns))
         if not all(0 <= mode < count for mode in (*self.after, *np.ravel([] if self.table is None else self.table))):
             raise AnalysisError(f"a mode follows that does not exist; there are {count}, counted from 0")
+
+    @classmethod
+    def of_modes(cls, layout: Layout, modes: tuple[Mode, ...], **more: Any) -> Realisation:
+        """One without an event rule, whose state nothing resets; ``more`` are its other attributes."""
+        one, none = np.eye(layout.size), np.zeros((0, layout.size))
+        return cls(layout, modes, one, one, none, np.zeros(1, dtype=int), **more)
 
     @property
     def delayed(self) -> tuple[float, ...]:

@@ -19,8 +19,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Finite, NonNegative
-from icmj.controller.law import Law
+from icmj.base.array import Array, Finite, NonNegative
+from icmj.controller.law import Law, expect_positive, find_output
 from icmj.controller.layout import Layout
 from icmj.controller.realisation import Guard, Mode, Realisation
 from icmj.errors import AnalysisError
@@ -41,6 +41,12 @@ def compute_slope(share: float) -> float:
     if not 0 < share < 1:
         raise AnalysisError(f"the share of the plane in which feedback is on must be between 0 and 1, got {share}")
     return float(-np.tan(np.pi * (share - 0.5)))
+
+
+def make_guards(position: Array, rate: Array, slope: float, dead_zone: float) -> tuple[Guard, Guard]:
+    """θ (θ' − aθ) and θ² + θ'² − r², of position and rate as rows over the outputs; on where both are positive."""
+    across, square = np.outer(position, rate), np.outer(position, position)
+    return Guard((across + across.T) / 2 - slope * square), Guard(square + np.outer(rate, rate), -(dead_zone**2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +84,7 @@ class SwitchingPD(Law):
         expect_linear(self.assumed, "the assumed plant")
         n_u, outputs = self.assumed.n_u, self.assumed.outputs
         for what, name in (("position", self.position), ("rate", self.rate)):
-            if name not in outputs:
-                raise AnalysisError(f"the {what} is the output {name!r}; the plant's outputs are {', '.join(outputs)}")
+            find_output(outputs, name, what)
         if self.position == self.rate:
             raise AnalysisError(f"position and rate are the same output, {self.rate!r}; name two")
         for letter in ("P", "D"):
@@ -87,8 +92,7 @@ class SwitchingPD(Law):
             if gain.ndim > 1 or (gain.ndim == 1 and len(gain) != n_u) or not np.isfinite(gain).all():
                 raise AnalysisError(f"{letter} must be a finite number, or one for each of the {n_u} inputs")
             object.__setattr__(self, letter, np.broadcast_to(gain, (n_u,)).copy())
-        if not (np.isfinite(self.delay) and self.delay > 0):
-            raise AnalysisError(f"the delay of the switching controller must be positive, got {self.delay} s")
+        expect_positive(self.delay, "delay of the switching controller")
         if not np.isfinite(self.slope):
             raise AnalysisError(f"the slope of the switching line must be finite, got {self.slope}")
         if not (np.isfinite(self.dead_zone) and self.dead_zone >= 0):
@@ -119,16 +123,8 @@ class SwitchingPD(Law):
         guards: tuple[Guard, ...] = ()
         table = None
         if self.switches:
-            # θ (θ' − a θ), and how far out; on where both are positive
-            away, Q = np.zeros((n_y, n_y)), np.zeros((n_y, n_y))
-            Q[at, moves] = Q[moves, at] = 0.5
-            Q[at, at] = -self.slope
-            away[at, at] = away[moves, moves] = 1.0
             modes = (*modes, Mode("off", *none, np.zeros_like(S)))
-            guards = (Guard(Q), Guard(away, -(self.dead_zone**2)))
+            guards = make_guards(np.eye(n_y)[at], np.eye(n_y)[moves], self.slope, self.dead_zone)
             table = np.full((2, 4), OFF)
             table[:, 3] = ON
-        return Realisation(
-            Layout.of(), modes, np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(1, dtype=int),
-            taps=(float(self.delay),), guards=guards, table=table,
-        )  # fmt: skip
+        return Realisation.of_modes(Layout.of(), modes, taps=(float(self.delay),), guards=guards, table=table)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base.array import Array, argsort_descending
-from icmj.controller.controller import make_layout, realise, start_state
+from icmj.controller.controller import make_layout, start_state
 from icmj.cycle.return_map import Flights, LostInterval, ReturnMap, Turn
 from icmj.errors import CycleError
 from icmj.simulation.course import Course
@@ -195,7 +195,7 @@ def integrate_derivative(loop: ReturnMap, along: Course, tolerance: float = TOLE
     Raises:
         CycleError: if F varies so much, as where something touches or saturates, that the panels would be too many.
     """
-    controls, n = realise(loop.controller), loop.linear.n
+    controls, n = loop.controller.realisation, loop.linear.n
     flow = _lift(loop)
     for part, (low, high) in enumerate(zip(along.cuts, along.cuts[1:], strict=False)):
         if part:

@@ -149,10 +149,7 @@ def embed(controller: Law) -> EmbeddedController:
         first = real.modes[0]
         M[:own, :own], N[:own], K[:, :own], S[:] = first.M, first.N[:, :n_y], first.K, first.S[:, :n_y]
     mode = Mode("own", M, N, K, S)
-    here = Realisation(
-        Layout.of(own=size), (mode,), np.eye(size), np.eye(size), np.zeros((0, size)), np.zeros(1, dtype=int)
-    )
-    return EmbeddedController(here, POWERS, own, joint)
+    return EmbeddedController(Realisation.of_modes(Layout.of(own=size), (mode,)), POWERS, own, joint)
 
 
 def repack(

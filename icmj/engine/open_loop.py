@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.controller.controller import Controller, expect_intermittent, make_layout, realise, start_state
+from icmj.controller.controller import Controller, expect_intermittent, make_layout, start_state
 from icmj.engine.closed_loop import ComposedLoop, close_loop
 from icmj.engine.faults import EngineFault, can_fault
 from icmj.engine.flow import Flow, Log, follow
@@ -148,7 +148,7 @@ class EngineCourse:
         delay = self.controller.delay.t_d
         length = float(rows[-1, 0])
         self.cuts: tuple[float, ...] = (0.0, delay, length) if 0 < delay < length else (0.0, length)
-        self._layout, self._controls = make_layout(self.controller), realise(self.controller)
+        self._layout, self._controls = make_layout(self.controller), self.controller.realisation
         self._held = self._holds(a)
         self._ports = loop.plant.linearisation.ports
         self._nq, self._nv, self._na = loop.model.nq, loop.model.nv, loop.model.na

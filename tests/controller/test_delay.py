@@ -19,7 +19,7 @@ from theory_cases import (
 from theory_cases import pendulum_design as paper_design
 
 from icmj import ClockTrigger, Continuous, EventTrigger, Settings, error_system, output_weight, predict
-from icmj.controller.controller import Controller, continuous_limit, make_layout, realise, start_state
+from icmj.controller.controller import Controller, continuous_limit, make_layout, start_state
 from icmj.controller.delay import Delay
 from icmj.controller.hold import system_matched, zero_order
 from icmj.controller.model_prediction import make_predictor
@@ -336,7 +336,7 @@ def test_the_engine_s_error_falls_with_the_square_of_the_threshold(b: float) -> 
 
 
 def test_realisation_without_a_delay_has_no_further_state() -> None:
-    found = realise(event_controller(pendulum_design()))
+    found = event_controller(pendulum_design()).realisation
     assert found.layout.size == 4
     assert found.delay == 0
     np.testing.assert_array_equal(found.G, np.eye(4))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from linear_cases import event_controller, pendulum_design
 
-from icmj.controller.controller import make_layout, realise
+from icmj.controller.controller import make_layout
 from icmj.controller.layout import Layout
 from icmj.controller.trigger import Continuous
 
@@ -31,7 +31,7 @@ def test_what_is_not_given_is_zero_and_unknown_segments_are_errors() -> None:
 @pytest.mark.parametrize("hold", ["system-matched", "zero-order"])
 def test_the_realisation_is_the_paper_s_controller(hold: str) -> None:
     controller = event_controller(pendulum_design(), hold=hold)
-    design, found, random = controller.design, realise(controller), np.random.default_rng(0)
+    design, found, random = controller.design, controller.realisation, np.random.default_rng(0)
     layout = make_layout(controller)
     a, y = random.standard_normal(4), random.standard_normal(1)
     x_o, x_h = a[layout["x_o"]], a[layout["x_h"]]
@@ -48,7 +48,7 @@ def test_the_realisation_is_the_paper_s_controller(hold: str) -> None:
 
 def test_continuous_control_takes_the_hold_along() -> None:
     controller = replace(event_controller(pendulum_design()), trigger=Continuous())
-    found, random = realise(controller), np.random.default_rng(1)
+    found, random = controller.realisation, np.random.default_rng(1)
     x_o, y = random.standard_normal(2), random.standard_normal(1)
     rate = found.M @ np.tile(x_o, 2) + found.N @ y
     np.testing.assert_array_equal(rate[:2], rate[2:])
