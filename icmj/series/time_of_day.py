@@ -43,6 +43,6 @@ def read_times(cells: pa.ChunkedArray) -> Array:
     return t
 
 
-def pass_midnight(t: Array) -> Array:
-    """Times that go on after midnight, from those of the day: one more than half a day earlier is of the next."""
-    return t + _DAY * np.cumsum(np.diff(t, prepend=t[:1]) < -_DAY / 2)
+def count_from_first(t: Array) -> Array:
+    """Times since the first [s], from those of the day: one more than half a day earlier is of the next."""
+    return t - t[:1] + _DAY * np.cumsum(np.diff(t, prepend=t[:1]) < -_DAY / 2)

@@ -358,6 +358,12 @@ def test_a_rate_overrules_times_of_an_unknown_unit_and_no_others(tmp_path):
     assert np.diff(read_series(tmp_path / "sway.csv", rate=50.0).t) == pytest.approx(1 / RATE)
 
 
+def test_times_of_the_day_are_counted_from_the_first(tmp_path):
+    """Two seconds left out at the beginning are those of the recording, not those after midnight."""
+    (tmp_path / "sway.csv").write_text(READ["times of the day"])
+    assert read_series(tmp_path / "sway.csv", since=2.0).t == pytest.approx(T[200:])
+
+
 @pytest.mark.parametrize("column", ["ap", "ml"])
 def test_of_trials_side_by_side_with_other_times_none_is_read_by_those_of_the_first(column, tmp_path):
     """The second was measured with the times of the first, at twice its speed."""

@@ -22,7 +22,7 @@ from icmj.series.columns import bracket_units, choose_columns, name_and_unit
 from icmj.series.csv_table import HEAD, LONGEST_LINE, TableForm, find_form, list_missing_words
 from icmj.series.long_table import find_labels
 from icmj.series.series import Series
-from icmj.series.time_of_day import pass_midnight, read_times
+from icmj.series.time_of_day import count_from_first, read_times
 from icmj.series.units import canonicalise
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def read(path: Path, file: BinaryIO, columns: Sequence[str], rate: float | None)
         for known, more in zip(named, found, strict=True):
             known += more.chunks
     for i in (i for i, at in enumerate(chosen) if at in form.stamps):
-        data[:count, i] = pass_midnight(data[:count, i])
+        data[:count, i] = count_from_first(data[:count, i])
     cells = [pa.chunked_array(known, pa.string()) for known in named]
     *before, last = choice.to_trials(data[:count], list(zip((headers[i] for i in texts), cells, strict=True)))
     return (*before, replace(last, facts={**last.facts, "cut": cut}) if cut else last)
