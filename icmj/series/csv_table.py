@@ -253,6 +253,8 @@ def _longest(lines: Sequence[_Line], delimiter: str, decimal: str) -> _Run | Non
     best = max(best, run, key=len)
     if not best:
         return None
+    while len(best) > 1 and best[0][1][0].endswith(("=", ":")):  # a key of several values, above the first row
+        del best[0]
     columns, units = zip(*(_take_unit(cells) for cells in zip(*(row for _, row in best), strict=True)), strict=True)
     return _Run(tuple(line for line, _ in best), tuple(zip(*columns, strict=True)), units, delimiter, decimal)
 

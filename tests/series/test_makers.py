@@ -78,6 +78,7 @@ READ = {
     "names between blanks, numbers between tabs": table("t ap[mm] ml[mm]", ROWS, "\t"),
     "a separator line of spreadsheets": "sep=;\n" + table(COMMAS, ROWS, ";", ","),
     "marks of events": table(HEAD + ",event", [(*row, "" if i else "start") for i, row in enumerate(ROWS)]),
+    "marks of events before it": table("event," + HEAD, [("" if i else "start", *row) for i, row in enumerate(ROWS)]),
     "names of the tool above": ("Version 5\n\nabs time (s)\tap\tml\ns\tmm\tmm\n" + table(None, ROWS, "\t")),
     "times in another language": table("Zeit [s],ap [mm],ml [mm]", ROWS),
     "times of a long name": table("abs time (s),ap [mm],ml [mm]", ROWS),
@@ -131,7 +132,12 @@ READ = {
     "times of the day": table("time,ap [mm],ml [mm]", at_night("%H:%M:%S.%f")),
     "a title for each channel": (
         "Interval=\t0.01 s\nExcelDateTime=\t4.6e+04\t04.03.2026 09:30:00\nTimeFormat=\tStartOfBlock\n"
-        "ChannelTitle=\tap\tml\nRange=\t10.00 V\t10.00 V\nUnitName=\tmm\tmm\n" + table(None, ROWS, "\t")
+        "ChannelTitle=\tap\tml\nRange=\t10.00 V\t10.00 V\nUnitName=\tmm\tmm\n"
+        "TopValue=\t10.0\t10.0\nBottomValue=\t-10.0\t-10.0\n" + table(None, ROWS, "\t")
+    ),
+    "a title for each channel, and ranges below": (
+        "ChannelTitle=\tap [mm]\tml [mm]\nRange=\t10.00 V\t10.00 V\n"
+        + table(None, at_night("%d.%m.%Y %H:%M:%S.%f"), "\t")
     ),
     "a column of text": table("t [s],ap [mm],eyes,ml [mm]", [(t, a, "open", m) for t, a, m in ROWS]),
 }
@@ -147,6 +153,7 @@ LEFT = {
     "an index that was saved twice": "Unnamed: 0, which counts rows or time",
     "a column of text": "eyes, which is text",
     "marks of events": "event, which is text",
+    "marks of events before it": "event, which is text",
 }
 
 
