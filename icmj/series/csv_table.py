@@ -456,8 +456,4 @@ def _sort_columns(
 
 def list_missing_words() -> list[str]:
     """What stands for a missing number, in each way of writing it."""
-    return sorted({way for word in MISSING for way in (word, word.upper(), word.title(), _camel(word))})
-
-
-def _camel(word: str) -> str:
-    return {"nan": "NaN", "-nan": "-NaN"}.get(word, word)
+    return sorted({way for word in (*MISSING, "NaN", "-NaN") for way in (word, word.upper(), word.title())})
