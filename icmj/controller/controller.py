@@ -3,8 +3,7 @@
 u = −k̂ x_h; between events x_h follows the hold, at an event x_h := x_o. The observer runs continuously. An *event* is
 an instant at which the controller takes new feedback; an event rule or a clock determines it. With a delay
 (:mod:`icmj.controller.delay`) the event only makes a prediction, and the *action* follows later: x_h := the
-prediction. With a sampling delay the event comes so long after the rule has reached its threshold; Δ_min counts between
-thresholds.
+prediction.
 """
 
 from __future__ import annotations

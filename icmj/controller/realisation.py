@@ -1,25 +1,15 @@
 """A controller as a hybrid linear system, the form that every simulation and every analysis uses.
 
-A controller has a state a and is always in one of its *modes*. In a mode
-
-    ȧ = M a + N v,      u = −K a − S v
-
-where v are its *readings*: the current outputs, outputs of a given delay ago (its taps, zero included), or both, with
-its own commands of the same delays if it reads them. They are followed by *signals*, which are given functions of time
-that do not depend on the plant. What changes at an instant is described by maps, and by functions of w = (v, a) whose
-sign changes:
-
-* an *event* sets a := J a, may enter another mode, and its *action*, one delay later, sets a := G a. An event occurs
-  when the state reaches a face |R_j a| = 1 of the event rule, in a mode in which the rule is watched and at least
-  ``wait`` after the last event, or at a tick of a clock;
-* *guards* g_j(w) = wᵀQ_j w + c_j select the mode: for each mode and each pattern of signs, a table gives the next mode.
-  The table is the direction and the memory of a guard: what it does depends on the mode in which it changes its sign;
-* without events, a := J a may occur at the multiples of a *period*.
-
-What comes first at one instant is stated in docs/simulation.md. Observer, hold and event rule are one instance
-(:mod:`icmj.controller.controller`): a single mode that reads the current outputs. Feedback of delayed outputs that is
-switched on and off is another (:mod:`icmj.controller.switching`): two modes, no state. :func:`parallel` adds two
-controllers to one.
+A controller has a state a and is always in one of its *modes*, in each of which ȧ = M a + N v and u = −K a − S v. Its
+*readings* v are the current outputs, outputs of a given delay ago (its taps, zero included), or both, with its own
+commands of the same delays if it reads them; they are followed by *signals*, which are given functions of time that do
+not depend on the plant. An *event* sets a := J a, may enter another mode, and its *action*, one delay later, sets
+a := G a. It occurs when the state reaches a face |R_j a| = 1 of the event rule, or at a tick of a clock; without events
+a := J a may occur at the multiples of a *period*. *Guards* g_j(w) = wᵀQ_j w + c_j of w = (v, a) select the mode: for
+each mode and each pattern of their signs a table gives the next. It is the direction and the memory of a guard: what
+that does depends on the mode in which it changes its sign. What comes first at one instant is stated in
+docs/simulation.md. Observer, hold and event rule are one instance (:mod:`icmj.controller.controller`), feedback of
+delayed outputs that is switched on and off is another (:mod:`icmj.controller.switching`).
 """
 
 from __future__ import annotations

@@ -1,30 +1,19 @@
 """Every Δ at which an eigenvalue of φ(Δ) crosses or touches the unit circle, with none lost between grid points.
 
 Eigenvalues are not smooth where they meet, and all of them start together at φ(0) = I. So the search is for the
-real zeros of three functions that are analytic in Δ, also there and at Δ = 0: with G(Δ) = (φ(Δ) − I)/Δ and its
-eigenvalues g, that is λ = 1 + Δg,
+real zeros of three functions that are analytic in Δ, also there and at Δ = 0: with G(Δ) = (φ(Δ) − I)/Δ, as Δ → 0 the
+matrix of the continuous controller (plant and observer), and its eigenvalues g, that is λ = 1 + Δg,
 
     f₊ = ∏ g_i                              zero where λ = +1
     f₋ = ∏ (2 + Δ g_i)                      zero where λ = −1
     f_c = ∏_{i<j} (g_i + g_j + Δ g_i g_j)   zero where λ_i λ_j = 1, so for a complex pair on the circle
 
-As Δ → 0, G tends to the matrix of the continuous controller (plant and observer): the eigenvalues leave +1 inwards
-iff that is stable, and this departure is not a crossing. The functions are made of the eigenvalues that come near the
-circle (:mod:`icmj.theory.circle`), represented by Chebyshev interpolants on panels, halved until the coefficients
-have decayed; all their zeros on a panel follow from a colleague matrix. Zeros close together are zoomed into until they
-separate. Then the crossings found must explain the change in the number of eigenvalues outside the circle over each
-panel, or the panel is halved again. What the shortest panels leave unexplained, or rounding decides, is searched again
-with φ in long arithmetic (:mod:`icmj.theory.long_arithmetic`), and what remains is part of the result. A crossing that
-rounding moves, but takes nowhere near another, is found, and says how far.
-
-The search counts time in a unit of its own, so that bounds hold of a plant in any unit of time: a power of two, which
-changes no digit, near a third of the interval searched.
-
-Resolution: two crossings of the same kind further apart than ``resolution`` are told apart. Closer ones, and a branch
-that comes so close to the circle that its crossings would be so, are reported as one of direction ``tangent``. Where k
-equal eigenvalues cross together, that is one crossing of multiplicity k.
-
-Neutral directions are taken out first (:mod:`icmj.theory.reduction`): they are on the circle at every Δ.
+The functions are made of the eigenvalues that come near the circle (:mod:`icmj.theory.circle`), represented by
+Chebyshev interpolants on panels, halved until the coefficients have decayed; all their zeros on a panel follow from a
+colleague matrix. Zeros close together are zoomed into until they separate. Then the crossings found must explain the
+change in the number of eigenvalues outside the circle over each panel, or the panel is halved again. What the shortest
+panels leave unexplained, or rounding decides, is searched again with φ in long arithmetic
+(:mod:`icmj.theory.long_arithmetic`), and what remains is part of the result.
 """
 
 from __future__ import annotations
@@ -65,11 +54,11 @@ _NOISY = 5
 # so many panels of one width are not all needed by zeros: what keeps them from decaying is rounding
 _CROWD = 128
 _ON = 1e-6  # |log|λ|| up to which an eigenvalue at a zero counts as on the circle
-_ON_AT_LAST = 1e-3  # the same where the shortest panels leave a change of their number unexplained
+_ON_AT_MOST = 1e-3  # the same where rounding moves it as far
 _RESOLUTION = 1e-6  # in the search's own unit of time
 _NEAR = 2e-3  # zeros this close to each other or to the real axis, in half-panels, are zoomed into
 # With ‖φ‖ beyond this, eigenvalues at the circle are known to no better than about 1e-6
-_DROWNED = 1e8
+DROWNED = 1e8
 _ERROR = 1e-15  # relative: what rounding may make of an entry
 # heights above the circle that are zero to rounding, that may become so, and by which no rounding is to move these
 _CLOSE, _NEARBY, _BLURRED = 1e-8, 0.3, 1e-2
@@ -109,7 +98,8 @@ def search(
         system: the error system.
         delta_max: end of the search [s].
         delta_start: start of the search [s]; the departure from φ(0) = I is never a crossing.
-        resolution: distance below which two crossings of one kind count as a tangency [s]; if ``None``, some 3e-7 of
+        resolution: two crossings of one kind further apart are told apart [s]; closer ones, and a branch that comes so
+            near to the circle that its crossings would be, are one ``tangent``. If ``None``, some 3e-7 of
             ``delta_max``.
         prepared: the flow of ``system``, if at hand.
         reduced: the system without its neutral directions, if at hand.
@@ -128,6 +118,7 @@ def search(
         reduced = reduce_system(system, prepared)
     if not len(reduced.left):
         return Search((), delta_max)
+    # bounds hold of a plant in any unit of time, and a power of two changes no digit
     unit = 2.0 ** round(np.log2(delta_max / 3))
     fine = _RESOLUTION * unit if resolution is None else resolution
     finder = _Finder(reduced, fine, unit, progress or (lambda _: None))
@@ -142,19 +133,17 @@ def _find_end(reduced: Reduction, end: float) -> float:
     """``end``, or the last Δ before it at which φ has not outgrown its rounding."""
     first_end = end
     while True:
-        with np.errstate(over="ignore", invalid="ignore"):
-            t, states = reduced.flow.trajectory(reduced.right, end - reduced.t_d, 64)
-            size = np.abs(reduced.left @ states).max(axis=(1, 2))
-        drowned = np.flatnonzero(~(size <= _DROWNED))
+        delta, phi = reduced.sample(end, 64)
+        drowned = np.flatnonzero(~(np.abs(phi).max(axis=(1, 2)) <= DROWNED))
         if not len(drowned):
             return end
         first = int(drowned[0])
         if first > 16 or (first == 0 and reduced.t_d):
-            return float(reduced.t_d + t[max(first - 1, 0)])
-        end = float(reduced.t_d + t[first])
+            return float(delta[max(first - 1, 0)])
+        end = float(delta[first])
         if end < 1e-9 * first_end:
             raise AnalysisError(
-                f"not analysable: φ(Δ) grows beyond {_DROWNED:.0e} within {end:.1e} s, of {first_end:.4g} s to "
+                f"not analysable: φ(Δ) grows beyond {DROWNED:.0e} within {end:.1e} s, of {first_end:.4g} s to "
                 "search; look for gains or rates that are out of proportion"
             )
 
@@ -175,7 +164,7 @@ class _Finder:
         # what was taken out is slow, so that it mixes with what is beside +1
         beside = Spectra(reduced, reduced.neglected, long=long) if reduced.neglected > 1000 * _ERROR else self.other
         self.others: dict[Kind, Spectra] = {"+1": beside, "-1": self.other, "complex": self.other}
-        self.on, self.t_d = _ON, reduced.t_d
+        self.t_d = reduced.t_d
 
     def run(self, start: float, end: float) -> Search:
         if end <= start:
@@ -213,11 +202,7 @@ class _Finder:
             beyond = count_outside(g[:, [0, -1]], delta[:, [0, -1]])
             for m in np.flatnonzero(resolved):
                 change, centre = int(beyond[m, 1] - beyond[m, 0]), left[m] + width / 2
-                here, explained = self._find(parts[m], centre, width / 2, sets[m], _ON)
-                if depth == _DEPTH and explained != change:
-                    # rounding keeps an eigenvalue from settling on the circle that it has passed all the same
-                    rough, explained = self._find(parts[m], centre, width / 2, sets[m], _ON_AT_LAST)
-                    here = rough if explained == change else here
+                here, explained = self._find(parts[m], centre, width / 2, sets[m])
                 if depth == _DEPTH or explained == change:
                     found += here
                     for edge, count in ((left[m], beyond[m, 0]), (left[m] + width, -beyond[m, 1])):
@@ -299,15 +284,15 @@ class _Finder:
                 continue
             level, slope = np.log(abs(here.value)), float(np.abs(here.rates.mean()))
             off = abs(np.log(abs(there.value)) - level)
-            if abs(level) < max(_ON_AT_LAST, off) and slope > 0:
+            if abs(level) < max(_ON_AT_MOST, off) and slope > 0:
                 farthest = max(farthest, _MARGIN * (off + (0.0 if kinds else abs(level))) / slope)
         return min(farthest, self.unit / _PANELS)  # farther, a slope tells nothing
 
     def _find(
-        self, functions: dict[Kind, Array], centre: float, radius: float, near_set: NDArray[np.intp], on: float
+        self, functions: dict[Kind, Array], centre: float, radius: float, near_set: NDArray[np.intp]
     ) -> tuple[list[Crossing], int]:
         """Crossings on one panel, and the change of the number of eigenvalues outside that they explain."""
-        self.on, set_ = on, (int(near_set[0]), int(near_set[1]))
+        set_ = (int(near_set[0]), int(near_set[1]))
         here = [x for kind, c in functions.items() for x in self._zeros(kind, c, centre, radius, set_)]
         here = select_distinct(sorted(here, key=lambda c: c.delta), self.resolution)
         return here, sum(change_outside(c) for c in here if abs(c.delta - centre) <= radius)
@@ -375,8 +360,8 @@ class _Finder:
             return []
         level = float(np.log(abs(at.value)))
         # beside +1, where every slow eigenvalue is at first, a pair is on the circle only by its distance from there
-        bound = self.on * (min(1.0, abs(at.value - 1)) if kind == "complex" else 1.0)
-        if abs(level) > bound and (abs(level) > _ON_AT_LAST or abs(level) > _MARGIN * self._blur(kind, delta, level)):
+        bound = _ON * (min(1.0, abs(at.value - 1)) if kind == "complex" else 1.0)
+        if abs(level) > bound and (abs(level) > _ON_AT_MOST or abs(level) > _MARGIN * self._blur(kind, delta, level)):
             return []
         lam = {"+1": 1.0 + 0j, "-1": -1.0 + 0j, "complex": at.value / abs(at.value)}[kind]
         lam = complex(lam.real, abs(lam.imag))

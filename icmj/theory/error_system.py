@@ -134,18 +134,18 @@ class ErrorSystem:
 
     def to_original(self, X: Array) -> Array:
         """(x, x_o, x_h) from X̄ = (x, x̃_o, x̃_h); last axis is the state, shape (..., n + 2n̂)."""
-        X = np.array(X, dtype=float)
-        shift = X[..., : self.n] @ self.T_hat.T
-        X[..., self.n : self.n + self.n_hat] += shift
-        X[..., self.n + self.n_hat :] += shift
-        return X
+        return self._count_from(X, -1)
 
     def from_original(self, X: Array) -> Array:
         """X̄ = (x, x̃_o, x̃_h) from (x, x_o, x_h); last axis is the state, shape (..., n + 2n̂)."""
+        return self._count_from(X, 1)
+
+    def _count_from(self, X: Array, times: int) -> Array:
+        """States of observer and hold less so many ``times`` T̂x."""
         X = np.array(X, dtype=float)
-        shift = X[..., : self.n] @ self.T_hat.T
-        X[..., self.n : self.n + self.n_hat] -= shift
-        X[..., self.n + self.n_hat :] -= shift
+        origin = times * (X[..., : self.n] @ self.T_hat.T)
+        X[..., self.n : self.n + self.n_hat] -= origin
+        X[..., self.n + self.n_hat :] -= origin
         return X
 
 

@@ -49,7 +49,7 @@ class Flow:
         F = self._short(flat / 2**doublings)
         for _ in range(doublings):
             F = 2 * F + F @ F
-        return self._unbalance(F).reshape(*t.shape, *self.A_C.shape)
+        return np.asarray(F * self.scale[:, None] / self.scale).reshape(*t.shape, *self.A_C.shape)
 
     def exponential(self, t: ArrayLike) -> Array:
         """e^{Ā_C t} for each t ≥ 0, shape (..., N, N)."""
@@ -116,9 +116,6 @@ class Flow:
         coefficients = (t / self.unit)[:, None] ** np.arange(1, _TERMS + 1)
         N = len(self.A_C)
         return (coefficients @ self.series.reshape(_TERMS, -1)).reshape(-1, N, N)
-
-    def _unbalance(self, F: Array) -> Array:
-        return F * self.scale[:, None] / self.scale
 
 
 def make_flow(A_C: Array) -> Flow:

@@ -12,7 +12,7 @@ import numpy as np
 
 from icmj.errors import AnalysisError
 from icmj.theory.crossing import Crossing
-from icmj.theory.crossings import _DROWNED, search
+from icmj.theory.crossings import DROWNED, search
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.reduction import Reduction
 
@@ -39,11 +39,8 @@ def look_beyond(system: ErrorSystem, reduced: Reduction, end: float, *, any_kind
     """Look from ``end`` [s] on, for a crossing of any kind or for one at ±1."""
     if not reduced.left.size:
         return Outlook(None, False)
-    with np.errstate(over="ignore", invalid="ignore"):
-        t, states = reduced.flow.trajectory(reduced.right, REACH * end - reduced.t_d, _POINTS)
-        phi = reduced.left @ states
-        seen = int((np.abs(phi).max(axis=(1, 2)) < _DROWNED).argmin()) or len(t)
-    t = t + reduced.t_d
+    t, phi = reduced.sample(REACH * end, _POINTS)
+    seen = int((np.abs(phi).max(axis=(1, 2)) < DROWNED).argmin()) or len(t)
     first = max(int(np.searchsorted(t, end * (1 - 1e-12))), 1)  # t[first] is the end, or the first grid point after it
     t, phi = t[first - 1 : seen], phi[first - 1 : seen]
     if len(t) < 2:

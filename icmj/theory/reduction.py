@@ -100,6 +100,16 @@ class Reduction:
         along = Vh[kept].T @ ((U[:, kept].T @ moved[:, 0]) / values[kept])
         return np.asarray(x_bar - self.dropped @ along)
 
+    def sample(self, end: float, points: int) -> tuple[Array, Array]:
+        """Δ from t_d to ``end`` [s] in at least ``points`` steps, and φ_r there, which may overflow.
+
+        Returns:
+            shapes (M,) and (M, m, m).
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            t, states = self.flow.trajectory(self.right, end - self.t_d, points)
+            return self.t_d + t, self.left @ states
+
     def phi(self, delta: float) -> Array:
         """φ_r(Δ), shape (m, m)."""
         return np.asarray(self.left @ self.flow.exponential(delta - self.t_d) @ self.right)
