@@ -6,6 +6,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1] / "icmj"
 LARGE = 25  # lines, from which a group of names that use one another is a thing of its own
+HEAD = 5  # lines of the first paragraph of a module's docstring, at most
 # why a file holds several things that do not use each other
 TOGETHER = {
     "base/linking": "the one exception to public interfaces of libraries, with all that it needs",
@@ -70,3 +71,12 @@ def test_no_file_holds_two_things() -> None:
         if "native" not in path.parts and len(groups := groups_of(path.read_text(encoding="utf-8"))) > 1
     }
     assert several.keys() == TOGETHER.keys(), {name: several.get(name) for name in several.keys() ^ TOGETHER.keys()}
+
+
+def test_the_first_paragraph_of_every_head_is_short() -> None:
+    heads = {
+        path.relative_to(PACKAGE).as_posix(): (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "")
+        for path in PACKAGE.rglob("*.py")
+    }
+    first = {name: head.split("\n\n")[0] for name, head in heads.items()}
+    assert not {name: text for name, text in first.items() if not text or text.count("\n") >= HEAD}

@@ -1,4 +1,7 @@
-"""Arrays of real numbers: their type, the conversion of arguments to it, and the bounds of numbers in files."""
+"""The arrays of real numbers that every floor computes with.
+
+Their type, the conversion of arguments to it, the bounds of numbers in files, and small operations on them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Files that appear under their name only when complete, remains of unfinished ones, and reading within bounds."""
+"""Files that are complete or absent.
+
+A file appears under its name only when it is complete. Remains of unfinished files are cleared, and reading is bounded.
+"""
 
 from __future__ import annotations
 

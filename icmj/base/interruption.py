@@ -1,5 +1,8 @@
-"""Requests to end: a signal that terminates unwinds the current work like Ctrl-C, so that no files are left behind, and
-Ctrl-C may be taken once, or be put off to the end of what belongs together."""
+"""Requests to end, by Ctrl-C or a signal, after which nothing is left half done.
+
+A signal that terminates unwinds the current work like Ctrl-C, so that no files are left behind. Ctrl-C may be taken
+once, or be put off to the end of what belongs together.
+"""
 
 from __future__ import annotations
 

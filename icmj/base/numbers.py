@@ -1,4 +1,6 @@
-"""Numbers as people read them, and facts: numbers with a name, a unit and a meaning, said once for all who show them.
+"""Numbers as people read them.
+
+A fact is a number with a name, a unit and a meaning, said once for all who show it.
 
 Pages have the typography of a journal (:func:`number`, :func:`error`); cards, summaries and tables have plain decimals
 with their unit (:func:`amount`, :func:`relative`).

@@ -1,5 +1,8 @@
-"""What a process of icmj sets for itself before it works: how often garbage is collected, that code is compiled, and
-which settings of matplotlib hold; and the import, beside other work, of what is needed later."""
+"""What a process of icmj sets for itself before it works.
+
+How often garbage is collected, that code is compiled, and which settings of matplotlib hold. What is needed later is
+imported beside other work.
+"""
 
 from __future__ import annotations
 

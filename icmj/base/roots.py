@@ -1,12 +1,4 @@
-"""Instants that are one, and roots of polynomials, in compiled code.
-
-When two instants are one.
-
-What is due at an instant is computed in several ways: as a multiple of an interval, as an event's time and a delay, as
-a number of the run file. Their sums are rounded, and whoever asks for a push at 0.1 s and for an event 0.1 s after the
-start means the same instant, whatever the last bit says.
-
-First roots and largest values of polynomials on [0, 1], certified, in compiled code.
+"""First roots and largest values of polynomials on [0, 1], certified, in compiled code.
 
 A polynomial lies in the convex hull of its Bernstein coefficients (:mod:`icmj.base.bernstein`): an interval on which
 all are negative holds no root, and one on which they change sign once holds exactly one, by Descartes' rule. All others
@@ -15,6 +7,10 @@ are halved, which makes the bound converge quadratically, so that no root is mis
 Arguments that come again: ``powers`` are coefficients a_j of θ^j, the first ``degree`` + 1 of an array; ``F`` is
 ``from_powers(degree)``. Nothing is allocated: ``stack`` has :data:`DEEPEST` rows at least as long as the polynomial,
 for Bernstein coefficients of pending intervals; ``spans`` has their starts, ends and depths, shape (DEEPEST, 3).
+
+Instants are compared here, too. What is due at an instant is computed in several ways: as a multiple of an interval,
+as an event's time and a delay, as a number of the run file. Their sums are rounded, and whoever asks for a push at
+0.1 s and for an event 0.1 s after the start means the same instant, whatever the last bit says.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Text from files and users: made safe for a terminal, on one line where needed; what it says in JSON; near names."""
+"""Text from files and users, made safe to show.
+
+Control characters are taken out, JSON is read as what nobody vouches for, and names that are nearly right are found.
+"""
 
 from __future__ import annotations
 

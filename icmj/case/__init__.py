@@ -1,4 +1,4 @@
-"""The case: a run file made real, and simulated on either plant; and the comparison of a run with its prediction."""
+"""The case: a run file made real, simulated on either plant, and compared with its prediction."""
 
 import lazy_loader
 

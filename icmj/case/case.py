@@ -1,5 +1,6 @@
-"""The case: from a run file to plants, linearisation, controller and, of an event rule, error system and prediction;
-then to a simulation.
+"""The case: a run file made real, which is predicted and simulated.
+
+It has plants, a linearisation, a controller and, with an event rule, an error system and a prediction.
 
 A controller without an event rule has no critical interval and no prediction: what is said of it comes from its runs,
 and from the characteristic roots of its loop in each mode.

@@ -1,4 +1,7 @@
-"""The controller of a run file and its design, by LQ weights or with given gains; its delay and its set-point."""
+"""The controller that a run file describes.
+
+Its gains are designed by LQ weights or given. Its delay and its set-point belong to it.
+"""
 
 from __future__ import annotations
 

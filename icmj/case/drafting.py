@@ -1,4 +1,7 @@
-"""A first run file for a model: an operating point, outputs, weights of suitable size; alternatives in comments."""
+"""A first run file for a model.
+
+It has an operating point, outputs, weights of suitable size, and alternatives in comments.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
-"""A motion in the quantities that pictures show: outputs against their rates, the state x̄ and its modes χ, upright
-jumps at the resets, and the inputs on which something else acts than the command.
+"""A motion in the quantities that pictures show.
+
+Outputs against their rates, the state x̄ and its modes χ, upright jumps at the resets, and the inputs on which something
+else acts than the command.
 """
 
 from __future__ import annotations

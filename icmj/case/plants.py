@@ -1,4 +1,7 @@
-"""The two plants of a run file: the assumed plant of the controller, and the actual plant; from models, or matrices."""
+"""The two plants of a run file: the one that the controller assumes, and the actual one.
+
+Each is made of a model or of matrices.
+"""
 
 from __future__ import annotations
 

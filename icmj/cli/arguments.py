@@ -1,4 +1,4 @@
-"""What a command is: a class whose fields are its arguments, and how these are given on the command line."""
+"""A command: a class whose fields are its arguments on the command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command line: a thin shell over the API, and what becomes of errors and signals there (docs/command_line.md).
+"""The command line's entry: from words to the status with which it ends (docs/command_line.md).
 
 Status 0 on success, 2 on bad input with one line on standard error, 70 where icmj itself is wrong, 130 after Ctrl-C,
 143 after SIGTERM.

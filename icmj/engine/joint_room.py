@@ -1,4 +1,7 @@
-"""How far joints may go within their ranges, and poses to start from that are bent away from the ends."""
+"""The room that joints have within their ranges.
+
+Poses to start from are bent away from the ends.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Saturation: the part of a command that passes the limits of control, activation and force; outputs at a cutoff."""
+"""Saturation: the part of a command that passes the limits of control, activation and force.
+
+Outputs that stand at a cutoff are found, too.
+"""
 
 from __future__ import annotations
 

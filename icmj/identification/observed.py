@@ -1,5 +1,6 @@
-"""The observation of a motion: times of events, with or without the outputs at them, or an output at many instants;
-in memory, or in files.
+"""The observation of a motion, in memory or in files.
+
+It has times of events, with or without the outputs at them, or an output at many instants.
 """
 
 from __future__ import annotations

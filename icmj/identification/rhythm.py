@@ -1,5 +1,6 @@
-"""The rhythm of a motion that has settled, or nearly: its open-loop interval, and whether it is mirrored, from events
-or outputs.
+"""The rhythm of a motion that has settled, or nearly.
+
+Its open-loop interval, and whether it is mirrored, from events or outputs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Measurement of the motion of a simulation, from its events; statistics, diffusion and sway of any signal."""
+"""Measures of a motion, from its events, and of the sway of any signal."""
 
 import lazy_loader
 

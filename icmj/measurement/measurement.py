@@ -1,5 +1,6 @@
-"""The motion of a simulation, classified from its events: the cycle on which it settled, or that it grew, decayed,
-wandered or was too short.
+"""The motion of a simulation, classified from its events.
+
+The motion settled on a cycle, grew, decayed, wandered, or was too short.
 
 It is told by recurrence in the sequence of states at events: closure after q steps, its trend, and the separation of
 neighbouring states.

@@ -1,4 +1,7 @@
-"""The linear plant as data, the body that a model is of, changes of it, and notices of what is doubtful."""
+"""The linear plant as data.
+
+The body that a model is of, changes of it, and notices of what is doubtful belong to it.
+"""
 
 import lazy_loader
 

@@ -1,11 +1,10 @@
 """The linear plant ẋ = A x + B u, y = C x (paper, eq. sys) with names for its states, inputs and outputs.
 
-The place at which a force acts on the plant itself, not through the actuator.
+A force may act on the plant itself, not through the actuator. It acts along an
+input, on a body, or on all bodies, as their support surface moves: seen from a surface that moves, gravity turns, and
+every mass has the force of its inertia.
 
-It acts along an input, on a body, or on all bodies, as their support surface moves: seen from a surface that moves,
-gravity turns, and every mass has the force of its inertia.
-
-Inputs and outputs of two plants matched: by name where both have names, else by their place.
+Inputs and outputs of two plants are matched by name where both have names, else by their place.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Figures of what experiments find: colours and legends of their cases; reaction times, and pairs of steps.
+"""Figures of what experiments and fits find.
 
-Figures of a fit: posterior beside prior, recorded beside simulated sway, calibration, confusion, groups.
+Of experiments: colours and legends of their cases, reaction times, pairs of steps. Of fits: posterior beside prior,
+recorded beside simulated sway, calibration, confusion, groups.
 """
 
 from __future__ import annotations

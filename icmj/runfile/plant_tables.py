@@ -1,5 +1,6 @@
-"""The tables of the two plants: the one that the controller assumes, and the actual one, each of a model, a
-person or matrices.
+"""The tables of the two plants: the one that the controller assumes, and the actual one.
+
+Each is of a model, a person or matrices.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Reading run files: from TOML text to a validated run file, or to one line that says what is wrong.
 
-A run file composed in Python: from a linear plant, a controller and the settings of its run.
+A run file is also composed in Python, from a linear plant, a controller and the settings of its run.
 """
 
 from __future__ import annotations

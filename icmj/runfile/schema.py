@@ -1,10 +1,10 @@
 """The run file as a whole: its tables, its text, and changes to it.
 
-Plain data of a run file: values put where dotted keys lead, ``simulation.disturbance[0].size``; its TOML text.
+The plain data of a run file are values put where dotted keys lead, ``simulation.disturbance[0].size``; its TOML text.
 
-Files that a run file refers to, as stored in a log: models with their included files, matrices, set-points.
+Files that a run file refers to are stored in a log: models with their included files, matrices, set-points.
 
-Values of a run file changed from outside: ``controller.q_t=0.02``, its key dotted, its value as TOML writes it.
+A value is changed from outside by ``controller.q_t=0.02``, its key dotted, its value as TOML writes it.
 """
 
 from __future__ import annotations

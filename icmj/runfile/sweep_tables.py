@@ -1,5 +1,7 @@
-"""The sweep file: one case at many points; which fields vary, and what is computed at each point. The folder of a sweep
-says in ``sweep.json`` what it is of; what of that is read again is here, too.
+"""The sweep file: one case at many points.
+
+It says which fields vary, and what is computed at each point. What is read again of ``sweep.json``, the description of
+a sweep's folder, is here, too.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
-"""What all tables of a run file share: unknown keys are errors, a value of another type is one, and numbers lie where
-they can be computed with.
+"""What all tables of a run file share.
+
+Unknown keys are errors, a value of another type is one, and numbers lie where they can be computed with.
 
 Many tables are a setting of the Python interface as a file writes it: a frozen dataclass. Its keys, their bounds and
 their meaning are declared there; the table adds what only a file has.
-
-Error messages for an invalid run file.
 
 pydantic says what a value is not, once for each member of a union. Here every wrong key gets one sentence: what it
 may be, what it is, and for a key that does not exist the one that was probably meant.

@@ -1,4 +1,7 @@
-"""Writing time series for other tools, in those formats of the shelf that are written; a file is complete or absent."""
+"""Writing time series for other tools, in those formats of the shelf that are written.
+
+A file is complete or absent.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every case on both plants, into logs, a report and a summary; sweeps and experiments of many runs."""
+"""Studies, sweeps and experiments: many runs, from files to results."""
 
 import lazy_loader
 

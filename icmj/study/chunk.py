@@ -1,4 +1,6 @@
-"""A chunk of a sweep: a row of results for each of its points, and the columns of these rows, each with its meaning.
+"""A chunk of a sweep: a row of results for each of its points.
+
+Each column of a row has a meaning.
 
 A point that fails, or whose controller has no prediction, has a row too; values that are missing are empty.
 """

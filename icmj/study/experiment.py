@@ -9,7 +9,7 @@
 What an experiment is, its kind says (:mod:`icmj.study.kind`). The trials of a folder are recordings like anybody's:
 ``icmj experiment FILE --recording OUT/trials/…`` analyses them again.
 
-The folder of an experiment: trials that are done, each whole or not there; its curves, numbers, figure and page.
+The folder of an experiment holds trials that are done, each whole or not there; its curves, numbers, figure and page.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""From logs to the report's page and the summary, with the figures of several cases drawn side by side."""
+"""A report's page and summary, made from logs.
+
+Figures of several cases are drawn side by side.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The plan of a sweep: its points, and everything that determines its results.
 
-The points of a sweep: a pure function of their index, so that a million of them need no list.
+The points of a sweep are a pure function of their index, so that a million of them need no list.
 """
 
 from __future__ import annotations

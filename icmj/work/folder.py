@@ -1,4 +1,4 @@
-"""A folder of results that is taken up again where it was left, and files that are trusted when they are read again.
+"""A folder of results that is taken up again where it was left.
 
     FOLDER/WHAT.json     what the results are of: what must be the same to go on, versions, texts, provenance
     FOLDER/PARTS/        what is finished
@@ -9,7 +9,7 @@ A digest is there before its file is, so that a process that dies in between lea
 was before. A file may have several: any content that was written there is known. The folder may come from somebody
 else: no link is followed for writing, and whatever a file makes its reader raise ends in one line.
 
-What a result was made with: versions, the commit around the run file, platform, date.
+The description says what a result was made with: versions, the commit around the run file, platform, date.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""The controller as MuJoCo's callbacks: the rates of plant, observer and hold at the engine's state, from the fewest
-stages that give identical results.
+"""The controller as MuJoCo's callbacks: the rates of plant, observer and hold at the engine's state.
+
+They come from the fewest stages that give identical results.
 
 The callbacks take the outputs afresh, set the command and give the rates of observer and hold, with the signals and the
 forces on bodies of that instant (:mod:`icmj.engine.signals`, :mod:`icmj.engine.forces`). They hold no state of their

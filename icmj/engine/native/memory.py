@@ -1,6 +1,6 @@
-"""The engine's memory in compiled code, and how that code is compiled.
+"""The engine's memory in compiled code: its fields by name, and arrays without a reference count.
 
-How the engine's code is compiled: as :mod:`icmj.base.compilation` does, with the engine's functions within reach.
+The engine's code is compiled as :mod:`icmj.base.compilation` does, with the engine's functions within reach.
 
 Compiled code reads and writes MuJoCo's structs in place and calls the engine's functions by their symbols, so that
 numba can keep it on disk and the next process starts without compiling. Interpreted, the same code calls these
@@ -9,8 +9,6 @@ functions through MuJoCo's Python bindings: models and data are then objects, an
 This is one of two modules that use what a library does not promise to keep (the other is :mod:`icmj.base.linking`):
 through MuJoCo's bindings alone each step would go by way of Python, and take several times as long. MuJoCo's version is
 therefore fixed in ``pyproject.toml``, and :func:`check` compares the layout with the bindings for each model.
-
-The engine's memory: its fields by name, and arrays without a reference count.
 
 Compiled code has addresses of models and data, and offsets of their fields; interpreted code has MuJoCo's own objects,
 and the fields' names. :func:`size`, :func:`number`, :func:`doubles` and :func:`integers` read both.

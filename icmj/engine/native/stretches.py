@@ -1,5 +1,6 @@
-"""The flow of the engine stretch by stretch, under any controller, for all steppings, as the verbs that
-:mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant.
+"""The flow of the engine, stretch by stretch, under any controller and with any stepping.
+
+Its verbs are those that :mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant.
 
 On a stretch (:mod:`icmj.simulation.native.taps`) what is read of earlier is a polynomial in time. A controller that
 only reads delayed outputs commands one, which is known ahead, so the engine integrates under it as under any other

@@ -1,4 +1,4 @@
-"""What the compiled flow of the linear plant works on, and the motion between events: matrices times the state.
+"""The motion of the linear plant between events, in compiled code: matrices times the state.
 
 Numbers that stay, numbers that change, and buffers. The state that it moves is s = (z, f): z the moving part of the
 closed loop's state w (:mod:`icmj.controller.controller`), and f the derivatives of what acts on it from outside, in

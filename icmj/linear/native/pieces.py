@@ -1,5 +1,6 @@
-"""The flow of the linear plant under an observer, a hold and an event rule, in pieces of exact motion, as the verbs
-that :mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant.
+"""The flow of the linear plant under an observer, a hold and an event rule, in pieces of exact motion.
+
+Its verbs are those that :mod:`icmj.simulation.native.loop` calls; there stands what comes first at an instant.
 
 Between two instants at which something is due (a *piece*) the state follows a matrix exponential, step by step. A step
 is dismissed at once if short polynomials with a bound of what they leave out show that it holds no event, no fall, and
