@@ -210,19 +210,16 @@ def by_drawn(run: RunFile, plant: Plant) -> Simulation:
     return simulated(run.resolve(), plant)
 
 
-def by_complete_run(run: RunFile, plant: Plant) -> Simulation:
-    return run_case(prepared(run), plant).simulation
-
-
 def by_log(run: RunFile, plant: Plant) -> Simulation:
-    """The complete run logged, and its run file taken from the log."""
+    """The complete run; it logged; and the run file taken from the log."""
     result = run_case(prepared(run), plant)
     path = run.path.parent / "a.rrd"
     icmj.write_log(result, path)
     back = read_log(path)
     same(back.simulation, result.simulation)
     with back.run.at_hand() as again:
-        return simulated(again, plant)
+        same(simulated(again, plant), result.simulation)
+    return result.simulation
 
 
 def by_many(run: RunFile, plant: Plant) -> Simulation:
@@ -318,7 +315,7 @@ def by_composition(run: RunFile, plant: Plant) -> Simulation:
 ROUTES: dict[str, Callable[[RunFile, Plant], Simulation]] = {
     route.__name__: route
     for route in (
-        by_parts, by_start, by_duration, by_revision, by_override, by_text, by_drawn, by_complete_run, by_log, by_many,
+        by_parts, by_start, by_duration, by_revision, by_override, by_text, by_drawn, by_log, by_many,
         by_sweep, by_experiment, by_intervals, by_composition,
     )
 }  # fmt: skip
