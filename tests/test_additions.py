@@ -32,10 +32,14 @@ def test_one_file_and_one_line_add_a_thing(title):
 @pytest.mark.slow
 @pytest.mark.parametrize("title", additions.SHELVES)
 def test_each_shipped_thing_can_be_taken_away(title):
+    """Several at once, and of any two the one without the other; ``python -m tests.additions`` takes each alone."""
     shelf = additions.SHELVES[title]
+    names = additions.names_of(shelf)
+    sets = additions.separate(names)
+    assert all(any(one in gone and two not in gone for gone in sets) for one in names for two in {*names} - {one})
     with additions.copied() as place:
-        for name in additions.names_of(shelf):
-            additions.take_away(place, shelf, name)
+        for gone in sets:
+            additions.take_away(place, shelf, gone)
 
 
 @pytest.mark.slow
