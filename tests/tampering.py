@@ -265,7 +265,7 @@ def long_text(found: pa.Table) -> pa.Table:
     return pa.table({found.column_names[0]: text}).replace_schema_metadata(found.schema.metadata)
 
 
-BOMBS = {change.__name__: change for change in (long_row, many_rows, long_text)}
+BOMBS = {change.__name__: change for change in (long_text, many_rows, long_row)}
 """Made in a process of their own, as the memory that they take is not that of the command."""
 
 
@@ -369,20 +369,24 @@ INSIDE = {".json": json_changes, ".parquet": table_changes, ".npz": npz_changes}
 def cases(subject: Subject, most_replaced: int, most_inside: int, seed: int) -> Iterator[tuple[str, str, Change, bool]]:
     """File, what is done to it, how, and whether its digest is made to fit: one file of each kind, all its changes.
 
-    Of fewer than all replacements, each file has those that come after the last file's, so that all have their turn.
+    Of fewer than all replacements, each file has those that come after the last file's, so that all have their turn;
+    of fewer than all changes inside, it has one that takes memory, from the ``seed``-th on in turn.
     """
     turns = itertools.cycle(REPLACED.items())
+    bombs = itertools.islice(itertools.cycle(BOMBS), seed % len(BOMBS), None)
     kinds: dict[str, str] = {}
     for name in subject.files:
-        of_one = r"(?<=[/-])[\da-f.-]+(?=[./])|-[\da-f]{16}|predictor|event|check-|bank-"
+        of_one = r"(?<=[/-])[\da-f.-]+(?=[./])|-[\da-f]{16}|(?<=[.])\d{4}(?=[.])|predictor|event|check-|bank-"
         kinds.setdefault(re.sub(of_one, "", name), name)
     for name in kinds.values():
         for what, change in itertools.islice(turns, min(most_replaced, len(REPLACED))):
             yield name, what, change, False
         inside = list(INSIDE.get(Path(name).suffix, lambda _: [])(subject.folder / name))
         random.Random(seed).shuffle(inside)
-        # what takes memory is always among them
-        inside.sort(key=lambda one: one[0] not in ("huge", *BOMBS))
+        if most_inside < len(inside):
+            memory = next(bombs) if name.endswith(".parquet") else "huge"
+            inside = [one for one in inside if one[0] not in {*BOMBS} - {memory}]
+            inside.sort(key=lambda one: one[0] != memory)
         for what, change in inside[:most_inside]:
             # a sound series of other columns or rows is what another experiment writes, and only its digest tells
             if not (name.startswith("trials/") and what.startswith(("without", "no row"))):
