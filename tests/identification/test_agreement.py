@@ -139,7 +139,7 @@ def test_an_accuracy_that_is_none_is_an_error() -> None:
 
 @pytest.mark.slow
 def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str], shell) -> None:
-    known = ["--run", str(PENDULUM.path), "--plant", "linear"]
+    known = ["--run", str(PENDULUM.path), "--plant", "linear", "--low", "1.0", "--high", "1.4"]
     sine, true = tmp_path / "sine.csv", tmp_path / "true.csv"
     t = np.arange(8, 40, 0.04)
     y = sampled(motion(1.2), t) + 5e-4 * np.random.default_rng(4).standard_normal((len(t), 1))
@@ -148,7 +148,7 @@ def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str],
     capsys.readouterr()
     shown = shell.says(["identify", str(sine), *known])
     assert shown.count("\n") == 1
-    assert "No value of b between 0.5 and 1.5 fits the motion" in shown
+    assert "No value of b between 1 and 1.4 fits the motion" in shown
     assert main(["identify", str(sine), str(true), *known, "--reading", "5e-4", "--timing", "0.001", "--json"]) == 0
     one, two = json.loads(capsys.readouterr().out)
     assert (one["value"], one["intervals"], one["edge"]) == (None, [], None)

@@ -22,9 +22,10 @@ def motion(b: float, plant: str = "linear", run: icmj.RunFile = PENDULUM, **chan
 
 
 @pytest.mark.slow
-def test_on_thirty_motions_of_the_engine_the_error_is_below_one_percent() -> None:
+def test_on_fifteen_motions_of_the_engine_the_error_is_below_one_percent() -> None:
+    """Were one motion in five off by more, fifteen would show it in 96 of 100 draws."""
     errors = []
-    for b in np.random.default_rng(5).uniform(0.8, 1.2, 30):
+    for b in np.random.default_rng(5).uniform(0.8, 1.2, 15):
         seen = Observed.of_simulation(motion(float(b), "mujoco"))
         found = identify(BLIND, seen, plant="mujoco", refine=False, known=FAR)
         assert found.value is not None, (b, found.words)

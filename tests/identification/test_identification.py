@@ -215,11 +215,12 @@ def test_on_the_command_line_from_a_log_times_and_outputs(tmp_path, capsys, shel
     degrees = np.degrees(np.interp(t, result.simulation.t, result.simulation.y[:, 0]))
     np.savetxt(samples, np.column_stack([t, degrees]), delimiter=",", header="t [s],angle [deg]", comments="")
     capsys.readouterr()
-    (found,) = shell.answers(["identify", str(log), "--json"])
+    searched = ["--low", "0.8", "--high", "1.0", "--json"]
+    (found,) = shell.answers(["identify", str(log), *searched])
     assert found["value"] == pytest.approx(0.9, rel=1e-8)
     assert found["way"] == "sequence"
     known = ["--run", str(PENDULUM.path), "--plant", "linear"]
-    one, two = shell.answers(["identify", str(times), str(samples), *known, "--json"])
+    one, two = shell.answers(["identify", str(times), str(samples), *known, *searched])
     assert any(low <= 0.9 <= high for low, high in one["intervals"])
     assert two["value"] == pytest.approx(0.9, rel=1e-4)
     assert "--run must say" in shell.refuses(["identify", str(times)])
