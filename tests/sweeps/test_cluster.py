@@ -112,7 +112,7 @@ def test_a_result_that_cannot_be_fetched_is_not_the_workers_fault() -> None:
 @pytest.mark.slow
 def test_a_worker_killed_midway_loses_nothing(tmp_path: Path, cluster: tuple[str, list[subprocess.Popen[str]]]) -> None:
     address, workers = cluster
-    plan = make_plan(sweep_file(tmp_path, GRID.format(count=120), chunk=2))
+    plan = make_plan(sweep_file(tmp_path, GRID.format(count=40), chunk=2))
     seen: list[Progress] = []
 
     def tell(progress: Progress) -> None:
@@ -124,7 +124,7 @@ def test_a_worker_killed_midway_loses_nothing(tmp_path: Path, cluster: tuple[str
     carry_out(plan, tmp_path / "out", dask=address, progress=tell)
     assert workers[0].returncode == -signal.SIGKILL
     assert workers[1].poll() is None
-    assert [progress.done for progress in seen] == list(range(2, 122, 2))
+    assert [progress.done for progress in seen] == list(range(2, 42, 2))
     assert contents(tmp_path / "out") == computed(plan)
 
 
