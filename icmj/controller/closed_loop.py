@@ -53,25 +53,14 @@ class Coordinates:
             w[self.layout[name]] = states[self.layout[name]] - (self.T_hat @ there if origin == "x" else there)
         return w
 
-    def states_of(self, w: Array) -> Array:
-        """(x, a) from w; along the first axis."""
-        states = np.array(w, dtype=float)
-        for name, origin in self._outwards():
-            there = states[self.layout[origin]]
-            states[self.layout[name]] += self.T_hat @ there if origin == "x" else there
-        return states
-
     def on_w(self, rows: Array) -> Array:
         """Rows that act on w from rows that act on (x, a), shape (r, N)."""
         turned = np.array(rows, dtype=float)
-        for name, origin in reversed(self._outwards()):
+        outwards = sorted(self.origin.items(), key=lambda pair: pair[1] != "x")  # origins come first
+        for name, origin in reversed(outwards):
             here = turned[:, self.layout[name]]
             turned[:, self.layout[origin]] += here @ self.T_hat if origin == "x" else here
         return turned
-
-    def _outwards(self) -> list[tuple[str, str]]:
-        """Pairs (segment, reference segment), ordered so that references come first."""
-        return sorted(self.origin.items(), key=lambda pair: pair[1] != "x")
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,14 +30,14 @@ def test_rates_are_those_of_the_original_coordinates(hold, n, n_hat, n_u, n_y):
         for T_hat in (None, T):
             loop = compose(plant, controller, origin, T_hat)
             to = loop.coordinates
-            w = to.of_states(states)
-            assert np.abs(to.states_of(w) - states).max() < 1e-13
+            w, back = to.of_states(states), to.on_w(np.eye(len(states)))
+            assert np.abs(back @ w - states).max() < 1e-13
             # the map to w is linear, so rates map as states do
             expected = to.of_states(rate)
             assert np.abs(loop.F @ w + loop.D @ d + loop.E @ e - expected).max() < 1e-12 * np.abs(expected).max()
             assert np.abs(loop.K @ w - design.k @ states[n + n_hat :]).max() < 1e-12 * np.abs(design.k).max() * 10
             reset = np.concatenate([states[: n + n_hat], states[n : n + n_hat]])
-            assert np.abs(to.states_of(loop.J @ w) - reset).max() < 1e-12
+            assert np.abs(back @ loop.J @ w - reset).max() < 1e-12
 
 
 def test_views_of_the_moving_part():
