@@ -8,16 +8,10 @@ from dataclasses import dataclass, fields, make_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args, get_origin, get_type_hints
 
-from icmj.base.catalogue import find_moved
 from icmj.errors import IcmjError
 
 if TYPE_CHECKING:
     from icmj.cli.terminal import Terminal
-
-_MOVED = {
-    "COMMANDS": "icmj.cli.commands",
-}  # where to
-
 
 RESULTS = Path("runs/out")
 """The folder of results where none is given."""
@@ -133,7 +127,3 @@ def _refuse_other_kind(option: str, name: str, path: Path, endings: tuple[str, .
         at, is_folder = (path / name, "a folder is there") if path.is_dir() else (path, "looks like a folder")
         such = " or ".join(f"{at}{suffix}" for suffix in endings)
         raise IcmjError(f"{option} {path}: {is_folder}, and a file is meant; give one, such as {such}")
-
-
-def __getattr__(name: str) -> object:
-    return find_moved(__name__, name, _MOVED)

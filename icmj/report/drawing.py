@@ -6,24 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from icmj.base.catalogue import find_moved
 from icmj.base.text import one_line
 from icmj.errors import ReportError
 from icmj.report import style
 from icmj.report.case_runs import CaseRuns
 from icmj.report.picture import save
 from icmj.report.sections import SECTIONS
-
-_MOVED = {
-    "Drawing": "icmj.report.picture",
-    "body_of": "icmj.report.player",
-    "chain_body": "icmj.report.player",
-    "join_scripts": "icmj.report.player",
-    "links_of": "icmj.report.player",
-    "moving": "icmj.report.player",
-    "script": "icmj.report.player",
-    "turn": "icmj.report.player",
-}  # where to
 
 
 def draw_case(case: CaseRuns, folder: Path) -> None:
@@ -42,7 +30,3 @@ def draw_case(case: CaseRuns, folder: Path) -> None:
         raise ReportError(f"the report of {case.name} cannot be drawn: {why}") from error
     except OSError as error:
         raise ReportError(f"{error.filename or folder}: the report cannot be written ({error.strerror})") from error
-
-
-def __getattr__(name: str) -> object:
-    return find_moved(__name__, name, _MOVED)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.catalogue import find_moved
 from icmj.base.text import one_line
 from icmj.case.quantity import in_unit
 from icmj.case.sweep_table import SweepTable
@@ -19,13 +18,6 @@ from icmj.report.map_grid import MapGrid, edges, grid, label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-_MOVED = {
-    "even": "icmj.report.map_grid",
-    "SweptPicture": "icmj.report.sections.swept_maps",
-    "pictures": "icmj.report.sections.swept_maps",
-}  # where to
-
 
 LEVELS = (1e-3, 1e-2, 1e-1)
 _COLOURS = "cividis_r"  # dark is far off; the same for eyes that see no red
@@ -247,7 +239,3 @@ def motions(swept: SweepTable, plant: str) -> list[str]:
 
 
 __all__ = ["draw_basins", "draw_curve", "draw_sway", "draw_validity"]
-
-
-def __getattr__(name: str) -> object:
-    return find_moved(__name__, name, _MOVED)

@@ -8,18 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from icmj.base.catalogue import find_moved
 from icmj.base.numbers import eigenvalue, error, number
 from icmj.case.comparison import halves
 from icmj.plant.linear_plant import transformation
 from icmj.report.case_runs import CaseRuns
 from icmj.report.style import NAME
-
-_MOVED = {
-    "Departure": "icmj.report.sections.paper_statements",
-    "differences": "icmj.report.sections.paper_statements",
-}  # where to
-
 
 Verdict = Literal["reproduced", "reproduced with a reservation", "not reproduced"]
 
@@ -359,7 +352,3 @@ STATEMENTS: tuple[Statement, ...] = (
         require_damping(continuous_unstable),
     ),
 )
-
-
-def __getattr__(name: str) -> object:
-    return find_moved(__name__, name, _MOVED)

@@ -13,20 +13,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from icmj.base.catalogue import find_moved
 from icmj.base.text import one_line
 from icmj.errors import ReportError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-_MOVED = {
-    "notation": "icmj.report.notation",
-    "symbol": "icmj.report.notation",
-    "unbroken": "icmj.report.notation",
-    "SYMBOLS": "icmj.report.notation",
-}  # where to
 
 
 MM = 1 / 25.4
@@ -282,7 +274,3 @@ def journal(columns: float, width: float | None, height: float | None, size: flo
             "savefig.dpi": 600,
         }
     )
-
-
-def __getattr__(name: str) -> object:
-    return find_moved(__name__, name, _MOVED)

@@ -8,28 +8,10 @@ import numpy as np
 
 from icmj.base import numbers
 from icmj.base.array import is_between
-from icmj.base.catalogue import find_moved
 from icmj.case.quantity import quantities
 
 if TYPE_CHECKING:
     from icmj.case.result import Result
-
-_MOVED = {
-    "CaseRuns": "icmj.report.case_runs",
-    "compares": "icmj.report.case_runs",
-    "pair": "icmj.report.case_runs",
-    "shown_interval": "icmj.report.case_runs",
-    "DrawnPanel": "icmj.report.sections.case_panels",
-    "Panel": "icmj.report.panel",
-    "Picture": "icmj.report.picture",
-    "Section": "icmj.report.section",
-    "judge_attractor": "icmj.report.judgement",
-    "judge_run": "icmj.report.judgement",
-    "verdicts": "icmj.report.judgement",
-    "matrix": "icmj.report.sections.design_matrices",
-    "rule_fact": "icmj.report.sections.run_settings",
-}  # where to
-
 
 NAMED = 3  # outputs whose swing a sentence gives
 
@@ -101,7 +83,3 @@ def list_rms(run: Result) -> list[str]:
     with np.errstate(over="ignore", invalid="ignore"):
         rms = np.sqrt(np.trapezoid(y**2, t, axis=0) / length) if length > 0 else np.full(y.shape[1], np.nan)
     return [numbers.number(float(value), 3) for value in rms * scale]
-
-
-def __getattr__(name: str) -> object:
-    return find_moved(__name__, name, _MOVED)

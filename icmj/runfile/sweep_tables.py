@@ -14,19 +14,12 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, StringConstraints, ValidationError, model_validator
 
 from icmj.base.array import Finite, Seed
-from icmj.base.catalogue import find_moved
 from icmj.errors import RunFileError
 from icmj.plant.body import What
 from icmj.runfile.reading import FileOfRuns, parse_toml, read_text
 from icmj.runfile.schema import RunFile
 from icmj.runfile.table import Line, Name, TomlTable
 from icmj.work.shipped import SWEEPS
-
-_MOVED = {
-    "FamilyFile": "icmj.fits.family_file",
-    "docstrings": "icmj.runfile.editor_schema",
-}  # where to
-
 
 MOST_POINTS = 10**9
 RESERVED = (
@@ -284,7 +277,3 @@ def parse_facts(content: bytes) -> Facts:
 
 PRESSURE = "pressure.torque."
 """Begins a key that is a weight of the centre of pressure and none of the run file."""
-
-
-def __getattr__(name: str) -> object:
-    return find_moved(__name__, name, _MOVED)

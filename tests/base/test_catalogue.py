@@ -40,95 +40,6 @@ MOVED = {
     ),
     "icmj.study": ("Fit", "Subject"),
 }
-MOVED_WITHIN = {
-    "icmj.cli.arguments": ("COMMANDS",),
-    "icmj.runfile.sweep_tables": (
-        "FamilyFile",
-        "docstrings",
-    ),
-    "icmj.report.maps": (
-        "even",
-        "SweptPicture",
-        "pictures",
-    ),
-    "icmj.report.style": (
-        "notation",
-        "symbol",
-        "unbroken",
-        "SYMBOLS",
-    ),
-    "icmj.report.statements": (
-        "Departure",
-        "differences",
-    ),
-    "icmj.report.wording": (
-        "CaseRuns",
-        "compares",
-        "pair",
-        "shown_interval",
-        "DrawnPanel",
-        "Panel",
-        "Picture",
-        "Section",
-        "judge_attractor",
-        "judge_run",
-        "verdicts",
-        "matrix",
-        "rule_fact",
-    ),
-    "icmj.report.drawing": (
-        "Drawing",
-        "body_of",
-        "chain_body",
-        "join_scripts",
-        "links_of",
-        "moving",
-        "script",
-        "turn",
-    ),
-    "icmj.report.panels": (
-        "acting_inputs",
-        "draw_acting",
-        "draw_critical",
-        "draw_mode_errors",
-        "draw_norm",
-        "draw_others",
-        "draw_interval_errors",
-        "draw_intervals",
-        "draw_output",
-        "draw_phase",
-        "draw_pressure",
-        "pressed_axes",
-    ),
-    "icmj.report.sections": ("headline",),
-    "icmj.report.figures": (
-        "draw_histogram",
-        "draw_spectrum",
-        "draw_law",
-        "Spectrum",
-        "draw_locus",
-        "draw_modulus",
-        "draw_scale",
-        "shown_locus",
-        "draw_diffusion",
-        "draw_path",
-        "draw_spectra",
-        "Rival",
-        "rivals",
-        "kind_in_words",
-    ),
-    "icmj.report.summary": (
-        "abstract",
-        "agrees_with_paper",
-        "critical",
-        "draw_errors",
-        "draw_intervals",
-        "overview_figure",
-        "estimate",
-        "is_noisy",
-    ),
-    "icmj.runfile.experiment_tables": ("ExperimentFile",),
-}
 
 
 @pytest.mark.parametrize(("module", "name"), [(module, name) for module, names in MOVED.items() for name in names])
@@ -138,16 +49,6 @@ def test_a_public_name_that_has_moved_is_found_with_a_warning(module, name):
     assert told[0].filename == __file__
     rooms = (icmj, icmj.controller, icmj.fits, icmj.identification)
     assert found is next(getattr(room, name) for room in rooms if hasattr(room, name))
-
-
-@pytest.mark.parametrize(
-    ("module", "name"), [(module, name) for module, names in MOVED_WITHIN.items() for name in names]
-)
-def test_a_name_that_has_moved_within_a_room_is_found_with_a_warning(module, name):
-    with pytest.warns(DeprecationWarning, match=rf"{module}\.{name} is now icmj\.") as told:
-        found = getattr(importlib.import_module(module), name)
-    there, _, _ = str(told[0].message).partition(" is now ")[2].rpartition(".")
-    assert found is vars(importlib.import_module(there))[name]
 
 
 def test_what_was_never_there_is_an_attribute_error():

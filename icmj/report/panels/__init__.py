@@ -6,7 +6,7 @@ one that describes it in words, and one that says whether a case has it. What ``
 function of :mod:`icmj.report.axes`. Pages and the folders beside them show every panel that a case has.
 """
 
-from icmj.base.catalogue import Catalogue, find_moved
+from icmj.base.catalogue import Catalogue
 
 PANELS = Catalogue(
     __name__,
@@ -23,21 +23,3 @@ PANELS = Catalogue(
     ),
 )
 """The panels, by the names of their files, in the order of a page."""
-_MOVED = {
-    "acting_inputs": "icmj.report.axes.inputs",
-    "draw_acting": "icmj.report.axes.inputs",
-    "draw_critical": "icmj.report.axes.modes",
-    "draw_mode_errors": "icmj.report.axes.modes",
-    "draw_norm": "icmj.report.axes.modes",
-    "draw_others": "icmj.report.axes.modes",
-    "draw_interval_errors": "icmj.report.axes.intervals",
-    "draw_intervals": "icmj.report.axes.intervals",
-    "draw_output": "icmj.report.axes.outputs",
-    "draw_phase": "icmj.report.axes.phase",
-    "draw_pressure": "icmj.report.axes.pressure",
-    "pressed_axes": "icmj.report.axes.pressure",
-}  # where to
-
-
-def __getattr__(name: str) -> object:
-    return find_moved(__name__, name, _MOVED)

@@ -7,7 +7,7 @@ the file defines ``list_drawings``, too, a function of a case, so that the figur
 Numbers of tables and figures are given by ``next_table()`` and ``next_figure()`` in templates.
 """
 
-from icmj.base.catalogue import Catalogue, find_moved
+from icmj.base.catalogue import Catalogue
 
 SECTIONS = Catalogue(
     __name__,
@@ -27,10 +27,3 @@ SECTIONS = Catalogue(
     ),
 )
 """The sections, by the names of their files, in the order of a page."""
-_MOVED = {
-    "headline": "icmj.report.headline",
-}  # where to
-
-
-def __getattr__(name: str) -> object:
-    return find_moved(__name__, name, _MOVED)
