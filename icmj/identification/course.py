@@ -96,7 +96,7 @@ class Course:
 
     def __init__(self, unknown: Unknown, observed: Observed, plant: PlantKind, found: Rhythm | None = None) -> None:
         self._unknown, self._plant, self._observed = unknown, plant, observed
-        self._whole, self._events = found is None, len(observed.times) > 0
+        self._found, self._whole, self._events = found, found is None, len(observed.times) > 0
         if self._events:
             first = 0 if found is None else -(found.count + 1)
             self._t, self._y = observed.times[first:], observed.outputs[first:]
@@ -140,10 +140,12 @@ class Course:
         return min(choices, key=lambda each: self._cost(self._vector(each[0], each[1], count)))
 
     def _near(self, value: float) -> tuple[Case, Theory, Orbit] | None:
+        """The case with the predicted orbit that is nearest to the rhythm; of those that attract, if any does."""
         case = self._case(value)
         if case is None or case.theory is None or case.theory.prediction.orbit is None:
             return None
-        return case, case.theory, case.theory.prediction.orbit
+        nearest = self._found.find_orbit(case.theory.prediction) if self._found else None
+        return case, case.theory, nearest.orbit if nearest else case.theory.prediction.orbit
 
     def _case(self, value: float, **changes: Any) -> Case | None:
         case = self._unknown.case(value, self._like, **changes)

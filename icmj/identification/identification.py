@@ -118,7 +118,7 @@ def _identify(
 
 def _from_rhythm(inverse: Inverse, observed: Observed, found: Rhythm, refine: bool) -> Identification:
     unknown = inverse.unknown
-    fits: list[Fit] = []
+    fits: dict[Fit, Rhythm] = {}
     for search in (inverse.candidates, inverse.nearest):
         for like, value in ((each, value) for each in found.readings for value in search(each)):
             course = Course(unknown, observed, "linear", like)
@@ -127,7 +127,7 @@ def _from_rhythm(inverse: Inverse, observed: Observed, found: Rhythm, refine: bo
                 like = replace(like, count=like.count // 2)
                 fit = Course(unknown, observed, "linear", like).fit(value)
             if fit and all(abs(fit.value - other.value) > fit.error + other.error for other in fits):
-                fits.append(fit)
+                fits[fit] = like
         if any(fit.agreement.fits for fit in fits):
             break
     if not fits:
@@ -145,19 +145,20 @@ def _from_rhythm(inverse: Inverse, observed: Observed, found: Rhythm, refine: bo
             f"{unknown.name} = {nearest.value:.5g} gives the rhythm, but {nearest.agreement.words}",
             nearest.agreement,
         )
-    fits = [fit for fit in fits if fit.agreement.fits]
+    fits = {fit: like for fit, like in fits.items() if fit.agreement.fits}
     if refine:
-        fits = [refine_fit(inverse, fit) for fit in fits]
+        fits = {refine_fit(inverse, fit, like): like for fit, like in fits.items()}
     intervals = tuple((fit.value - fit.error, fit.value + fit.error) for fit in fits)
     shown = " or ".join(f"{fit.value:.6g} ± {fit.error:.1g}" for fit in fits)
-    rate, sign = inverse.rate(fits[0].value)
+    best, like = next(iter(fits.items()))
+    rate, sign = inverse.rate(best.value, like)
     turned = ("", ", not mirrored", ", mirrored")[sign if found.sign else 0]
     words = f"{unknown.name} = {shown}, from a settled interval of {1 / rate:.7g} s{turned}."
     if len(fits) > 1:
         words += " These data do not distinguish the branches; outputs at the events, or a known initial state, would."
     if not nearest.agreement.predicted:
         words += " Amplitude and shape were not observed; only the regularity of the events could be compared."
-    only = fits[0].value if len(fits) == 1 else None
+    only = best.value if len(fits) == 1 else None
     return _complete(unknown, only, intervals, "rhythm", words, nearest.agreement.probability)
 
 
@@ -220,14 +221,16 @@ def _cannot(unknown: Unknown, why: str) -> Identification:
     return Identification(unknown.name, None, (), "none", f"The motion does not determine {unknown.name}: {why}.")
 
 
-def refine_fit(inverse: Inverse, fit: Fit) -> Fit:
+def refine_fit(inverse: Inverse, fit: Fit, like: Rhythm) -> Fit:
     """The fit by the exact cycle of the engine's loop, not the linear theory's; as it is, if there is none."""
-    value, interval = fit.value, 1 / inverse.rate(fit.value)[0]
+    value, interval = fit.value, 1 / inverse.rate(fit.value, like)[0]
     try:
         for _ in range(3):
-            case, slope = inverse.unknown.case(value), inverse.slope(value, 1e-5)
-            if case is None or not np.isfinite(slope) or slope == 0:
+            case, slope = inverse.unknown.case(value), inverse.slope(value, 1e-5, like)
+            if case is None or case.theory is None or not np.isfinite(slope) or slope == 0:
                 return fit
+            if (orbit := like.find_orbit(case.theory.prediction)) is not None:
+                case = replace(case, theory=replace(case.theory, prediction=case.theory.prediction.about(orbit)))
             missing = interval - find_cycle(case, "mujoco").interval
             value += missing / slope
             if abs(missing) < max(1e-10 * interval, 0.01 * fit.error * abs(slope)):

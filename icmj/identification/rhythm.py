@@ -13,6 +13,7 @@ from scipy.optimize import minimize_scalar
 
 from icmj.base.array import Array, argmax_abs
 from icmj.identification.observed import Observed
+from icmj.theory.prediction import PredictedOrbit, Prediction
 
 NEAR = 0.1  # relative: intervals that agree so well may be on their way to a cycle
 _LEAST = 3  # of them
@@ -44,6 +45,11 @@ class Rhythm:
         if not self.sampled or self.sign < 0:
             return (self,)
         return self, replace(self, interval=self.interval / 2, sign=-1)
+
+    def find_orbit(self, prediction: Prediction) -> PredictedOrbit | None:
+        """The attracting orbit whose interval is nearest, of this sign where it was observed; ``None`` without one."""
+        like = [one for one in prediction.orbits if one.verdict == "attracting" and one.orbit.sign * self.sign >= 0]
+        return min(like, key=lambda one: abs(np.log(one.crossing.delta / self.interval)), default=None)
 
 
 def rhythm(observed: Observed) -> Rhythm | None:

@@ -53,7 +53,7 @@ class Drawn(Inverse):
         self.phase, self.ends = random.uniform(0, 6, 2), np.sort(random.uniform([0.5, 1.2], [0.8, 1.5]))
         self.exact, self.jump = random.uniform(0.9, 1.0), random.uniform(1.0, 1.2)
 
-    def rate(self, value: float) -> tuple[float, int]:
+    def rate(self, value: float, rhythm: Rhythm | None = None) -> tuple[float, int]:
         if not self.ends[0] < value < self.ends[1]:
             return float("nan"), 0
         off = value - self.exact
@@ -225,3 +225,18 @@ def test_on_the_command_line_from_a_log_times_and_outputs(tmp_path, capsys, shel
     assert two["value"] == pytest.approx(0.9, rel=1e-4)
     assert "--run must say" in shell.refuses(["identify", str(times)])
     assert len(told(shell.refuses(["identify", str(tmp_path / "none.csv"), *known]))) == 1
+
+
+def test_of_several_attracting_orbits_the_one_that_a_motion_is_on_gives_the_value(root):
+    """At b = 1.325 the three-link person has attracting orbits of 0.1492 and 0.4571 s."""
+    run = icmj.load_run(root / "runs" / "three-link-0.9.toml")
+    case = icmj.prepare(run.with_(**{"actual.gain": 1.325}))
+    inverse = Inverse(Unknown(run, low=1.305, high=1.345))
+    attracting = [one for one in case.theory.prediction.orbits if one.verdict == "attracting"]
+    assert [one.crossing.delta for one in attracting] == pytest.approx([0.14923, 0.457133], abs=1e-6)
+    for one in attracting:
+        assert inverse.candidates(Rhythm(one.crossing.delta, one.orbit.sign, 10)) == pytest.approx([1.325], abs=1e-8)
+    start = case.theory.system.start(1.001 * attracting[1].orbit.x_bar)
+    run_of_it = icmj.simulate(case, "linear", start=start, duration=20.0)
+    found = identify(inverse.unknown, Observed.of_times(run_of_it.events.t[10:]), known=inverse)
+    assert found.value == pytest.approx(1.325, abs=1e-8)
