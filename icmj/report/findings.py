@@ -1,7 +1,6 @@
-"""Figures of what experiments and fits find.
+"""Figures of what experiments find: colours and legends of their cases; reaction times, and pairs of steps.
 
-Of experiments: colours and legends of their cases, reaction times, pairs of steps. Of fits: posterior beside prior,
-recorded beside simulated sway, calibration, confusion, groups.
+Figures of a fit: posterior beside prior, recorded beside simulated sway, calibration, confusion, groups.
 """
 
 from __future__ import annotations

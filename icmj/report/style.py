@@ -1,7 +1,5 @@
-"""The style of figures.
-
-One size, one typeface, and colours that colour-blind readers can distinguish (Okabe–Ito). A journal has its column's
-width and fonts.
+"""The style of figures: one size, one typeface, colours that colour-blind readers can distinguish (Okabe–Ito); for a
+journal its column's width and fonts.
 """
 
 from __future__ import annotations
