@@ -62,8 +62,7 @@ def salvage(path: Path, copy: Path) -> str:
         raise LogError(lost) from error
     if done.returncode != 0 or not copy.is_file() or verify(copy):
         raise LogError(lost)
-    kept, had = copy.stat().st_size / 1e6, path.stat().st_size / 1e6
-    return f"{path}: incomplete; salvaged {kept:.2f} MB of {had:.2f} MB, what came after is lost"
+    return f"{path}: incomplete; what is whole of its {path.stat().st_size / 1e6:.2f} MB is salvaged, the rest is lost"
 
 
 def _run_bounded(arguments: list[str], path: Path) -> subprocess.CompletedProcess[str]:
