@@ -1,7 +1,7 @@
-"""The fit of families of controllers to recordings of standing people: an add-on, which nothing else imports.
+"""The fit of families of controllers to recordings of standing people: an add-on, which commands alone import.
 
-It is found by three lists alone: its command (:mod:`icmj.cli.commands`), its kind of file
-(:mod:`icmj.study.file_kinds`) and its shipped families (:mod:`icmj.work.shipped`).
+It is entered in lists: its command (:mod:`icmj.cli.commands`), its kind of file (:mod:`icmj.study.file_kinds`), its
+shipped families (:mod:`icmj.work.shipped`) and the public names of icmj.
 """
 
 import lazy_loader

@@ -5,8 +5,6 @@
 
 A draw depends on its number and the bank's seed alone: rows are the same bit for bit whatever the chunks and whoever
 computes them, and a bank of more draws begins with those of one of fewer.
-
-The draws of a bank are members of a family, and summaries of the trials that each stood.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
-"""The motion of a simulation, classified from its events.
+"""The motion of a simulation, classified by recurrence in the sequence of its states at events.
 
-The motion settled on a cycle, grew, decayed, wandered, or was too short.
-
-It is told by recurrence in the sequence of states at events: closure after q steps, its trend, and the separation of
-neighbouring states.
+Closure after q steps, its trend, and the separation of neighbouring states tell whether it settled on a cycle, grew,
+decayed or wandered, or was too short to tell.
 """
 
 from __future__ import annotations

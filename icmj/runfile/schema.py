@@ -1,10 +1,8 @@
-"""The run file as a whole: its tables, its text, and changes to it.
+"""The run file as a whole: its tables, read from TOML text, and changes of single values.
 
-The plain data of a run file are values put where dotted keys lead, ``simulation.disturbance[0].size``; its TOML text.
-
-Files that a run file refers to are stored in a log: models with their included files, matrices, set-points.
-
-A value is changed from outside by ``controller.q_t=0.02``, its key dotted, its value as TOML writes it.
+A dotted key leads to a value, ``simulation.disturbance[0].size``, which is given as TOML writes it:
+``controller.q_t=0.02``. A log stores the text with the files that it names: models with what they include, matrices,
+set-points.
 """
 
 from __future__ import annotations

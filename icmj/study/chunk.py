@@ -1,8 +1,6 @@
-"""A chunk of a sweep: a row of results for each of its points.
+"""A chunk of a sweep: a row of results for each of its points, whatever became of them.
 
-Each column of a row has a meaning.
-
-A point that fails, or whose controller has no prediction, has a row too; values that are missing are empty.
+A point that failed, or whose controller has no prediction, has a row, too; values that are missing are empty.
 """
 
 from __future__ import annotations

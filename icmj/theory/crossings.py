@@ -60,6 +60,7 @@ _NEAR = 2e-3  # zeros this close to each other or to the real axis, in half-pane
 # With ‖φ‖ beyond this, eigenvalues at the circle are known to no better than about 1e-6
 DROWNED = 1e8
 _ERROR = 1e-15  # relative: what rounding may make of an entry
+_EXACT = 1000 * _ERROR  # the same of what a reduction neglects: rounding that a matrix of some dozens of states gathers
 # heights above the circle that are zero to rounding, that may become so, and by which no rounding is to move these
 _CLOSE, _NEARBY, _BLURRED = 1e-8, 0.3, 1e-2
 _MARGIN = 10  # times as far as one error of this size moves a crossing, others may
@@ -161,8 +162,8 @@ class _Finder:
     ) -> None:
         self.resolution, self.unit, self.progress = resolution, unit, progress
         self.spectra, self.other = Spectra(reduced, long=long), Spectra(reduced, _ERROR, long=long)
-        # what was taken out is slow, so that it mixes with what is beside +1
-        beside = Spectra(reduced, reduced.neglected, long=long) if reduced.neglected > 1000 * _ERROR else self.other
+        # what was taken out is slow and mixes with what is beside +1, unless it was taken out exactly
+        beside = Spectra(reduced, reduced.neglected, long=long) if reduced.neglected > _EXACT else self.other
         self.others: dict[Kind, Spectra] = {"+1": beside, "-1": self.other, "complex": self.other}
         self.t_d = reduced.t_d
 
