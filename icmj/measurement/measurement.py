@@ -41,8 +41,8 @@ class Measurement(WithCard):
             run; ``None`` without events.
         intervals: the intervals of the last period [s], shape (p,); empty without a cycle.
         period: time after which the state repeats [s], or ``None``.
-        amplitude: peak magnitude of every output over the last period or, without a cycle, over the events of
-            ``interval``; shape (n_y,).
+        amplitude: peak magnitude of every output over the last period or, without a cycle, over the intervals of
+            ``interval`` and the rows that follow the last event; shape (n_y,).
         residual: largest relative closure error of the last period, of x̄ and of the intervals after p events (on
             a mirrored cycle after p/2 events, up to the sign); NaN without a cycle.
         words: the motion in one sentence.
@@ -489,7 +489,7 @@ def _other(simulation: Simulation, kind: MotionKind, words: str, last: int = 10)
         interval=float(interval[-last:].mean()) if len(interval) else None,
         intervals=np.zeros(0),
         period=None,
-        amplitude=_amplitude(simulation, last),
+        amplitude=np.maximum(_amplitude(simulation, last), _peak_since(simulation)),
         residual=float("nan"),
         words=words,
         outputs=simulation.labels.outputs,
@@ -503,6 +503,12 @@ def _amplitude(simulation: Simulation, last: int) -> Array:
     if len(events) == 0:
         return np.abs(simulation.y[len(simulation.y) // 2 :]).max(axis=0)
     return np.maximum(np.abs(events.y_max[-last:]), np.abs(events.y_min[-last:])).max(axis=0)
+
+
+def _peak_since(simulation: Simulation) -> Array:
+    """Peak of every output over the rows from the last event on; zero where there is none."""
+    start = simulation.events.t[-1] if len(simulation.events) else np.inf
+    return np.abs(simulation.y[simulation.t >= start]).max(axis=0, initial=0.0)
 
 
 def _list(intervals: Array) -> str:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from linear_cases import PENDULUM, event_controller, neglected, pendulum_design, settings
+from scipy.linalg import expm
 
 from icmj import ClockTrigger, Controller, error_system, load_run, prepare, system_matched
 from icmj.case.case import simulate as simulate_case
@@ -193,6 +194,7 @@ def test_a_cycle_that_fell_silent_is_no_cycle_nor_is_a_run_without_events():
     found = measure(motion(*periodic(1), after=30.0), T_hat=T_HAT)
     assert found.kind == "decay"  # x at the end of this run is zero
     assert "no event" in found.words
+    assert found.amplitude == pytest.approx([max(np.abs(periodic(1)[0][0, 0]) + 0.1, 0.25)])
     found = measure(motion(np.zeros((0, 4)), []), T_hat=T_HAT)
     assert (found.kind, found.interval) == ("no events", None)
     assert found.amplitude == pytest.approx([0.25])
@@ -209,6 +211,24 @@ def test_a_run_in_which_nothing_could_happen_says_so(root):
         why = "it starts at rest and nothing disturbs it; give it [simulation] initial or a disturbance"
         assert still.words == f"No event in 2 s: {why}."
         assert [other.words for other in others] == ["No event in 2 s."] * 2
+
+
+@pytest.mark.parametrize(("kind", "close"), [("linear", 1e-6), ("mujoco", 1e-3)])
+def test_peaks_of_a_run_include_what_follows_its_last_event(root, kind, close):
+    """A set-point under an exact model: one event, and then the step response of Â − B̂k̂."""
+    step = [{"output": "angle", "kind": "step", "size": 0.03, "start": 2.0}]
+    changes = {"simulation.initial": {}, "simulation.duration": 10.0, "setpoint": step}
+    case = prepare(load_run(root / "runs" / "simple-exact.toml").with_(**changes))
+    run = simulate_case(case, kind)
+    assert run.events.t == pytest.approx([2.0])
+    design = case.controller.design
+    A, B, C = design.plant.A, design.plant.B, design.plant.C
+    target = np.linalg.solve(np.block([[A, B], [C, np.zeros((1, 1))]]), [0.0, 0.0, 0.03])[:2]
+    closed = A - B @ design.k
+    response = [(C @ (target - expm(closed * t) @ target)).item() for t in np.linspace(0, 8, 1601)]
+    found = measure(run, T_hat=np.eye(2))
+    assert found.kind != "cycle"
+    assert found.amplitude == pytest.approx([np.abs(response).max()], rel=close)
 
 
 def test_short_and_long_run_of_a_simulated_case():
