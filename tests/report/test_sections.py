@@ -291,6 +291,15 @@ def test_settings_keep_the_facts_of_each_plant_apart():
     assert ("icmj", "0.1.0") in context["provenance"]
 
 
+def test_errors_of_each_output_have_the_powers_of_ten_of_all_other_errors():
+    found = result("b0.8", "mujoco")
+    facts = {"output_errors": "shank 3e-10, e2e-4 8.5e-10", "interval_error": 5.44e-10}
+    found = replace(found, simulation=replace(found.simulation, precision=facts))
+    (table,) = context_of("run_settings", pair([found]))["precision"]
+    said, one = (fact.replace("\N{NO-BREAK SPACE}", " ") for fact in table["rows"][0]["facts"])
+    assert (said, one) == ("shank 3 × 10⁻¹⁰, e2e-4 8.5 × 10⁻¹⁰", "5.44 × 10⁻¹⁰")
+
+
 def test_what_many_runs_share_is_said_once():
     found = [result(name, "mujoco") for name in ("b0.8", "b1.2", "exact")]
     (table,) = context_of("run_settings", pair(found))["precision"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,6 +19,7 @@ from icmj.report.style import NAME
 
 WIDE = 9  # facts of the integration that have a column each
 MANY = 3  # number of runs from which shared facts are listed once
+POWER = re.compile(r"\b\d(?:\.\d+)?e[-+]\d+\b")  # a number as Python writes it
 
 
 def compose(material: Material) -> Section | None:
@@ -106,7 +108,9 @@ def _precision(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
 def _fact(value: object) -> str:
     if isinstance(value, float):
         return numbers.short(value, 3)
-    return numbers.MISSING if value is None else str(value)
+    if value is None:
+        return numbers.MISSING
+    return POWER.sub(lambda found: numbers.short(float(found[0]), 2), str(value))
 
 
 def _provenance(cases: Sequence[CaseRuns]) -> list[tuple[str, str]]:
