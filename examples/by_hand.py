@@ -2,8 +2,9 @@
 ======================================
 
 Intermittent control of a standing person, written with numpy, SciPy, MuJoCo, python-control and rerun alone: the model,
-its linearisation, the design, the theory's critical interval, the simulation with events, and the comparison. The page
-for developers says where the package does each of the ten steps, and what it does better there.
+its linearisation, the design, the theory's critical interval, the simulation with events, and the comparison. Events
+are looked for once a step, and are late by up to one; the package does the same for any model, controller and delay,
+and locates them. ``CONTRIBUTING.md`` lists its files in the order of these steps.
 
 Run it with ``python examples/by_hand.py``; it writes ``by_hand.rrd``, which ``rerun by_hand.rrd`` shows.
 """
