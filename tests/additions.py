@@ -34,7 +34,6 @@ class Shelf:
         works: a program that succeeds if the added thing works.
         refused: a program that succeeds if what is malformed is refused in one line; empty where no user enters one.
         rest: a program that succeeds if the package works without the things ``sys.argv[1:]``.
-        alone: whether no other code holds the name of a thing.
     """
 
     folder: str
@@ -43,7 +42,6 @@ class Shelf:
     works: str
     refused: str
     rest: str
-    alone: bool = False
 
 
 READ_REST = """
@@ -153,7 +151,7 @@ for changes, words in (
 """,
     READ_REST
     + """
-for kind in ["a:b" if one == "own" else one.replace("_", "-") for one in gone]:
+for kind in ["a:b" if one.startswith("own_") else one.replace("_", "-") for one in gone]:
     for key, where in (("simulation.disturbance", "input"), ("setpoint", "output")):
         try:
             plain.with_(**{key: [{"kind": kind, where: "torque"}]})
@@ -397,7 +395,7 @@ for controller, words in (
 """,
     READ_REST
     + """
-for kind in ["a:b" if one == "own" else one.replace("_", "-") for one in gone]:
+for kind in ["a:b" if one.startswith("own_") else one.replace("_", "-") for one in gone]:
     try:
         plain.with_(controller={"kind": kind})
     except IcmjError as error:
@@ -694,7 +692,6 @@ for name in [name for name in trials if name in left][:1]:
     (told,) = icmj.run_experiment(file, "out-" + "-".join(left), jobs=1).found
     assert told.finding is not None, told.words
 """,
-    alone=True,
 )
 MEASURE_FILE = '''"""How often a coordinate turns back."""
 
@@ -880,7 +877,6 @@ for draw, lost in (("sway_path", None), ("sway_diffusion", "stabilogram"), ("swa
 from icmj.report.sections.noise_statistics import compose  # noqa: F401
 from icmj.fits.page import write_fit  # noqa: F401
 """,
-    alone=True,
 )
 COMMANDS = Shelf(
     "cli/commands",
@@ -1073,7 +1069,6 @@ page = build(*results)
 assert set(re.findall(r"<p>[(](\\w)[)] ", page)) == set("abcdefi") - {*map(letters.get, sys.argv[1:])}
 icmj.plots.panels(results[0])
 """,
-    alone=True,
 )
 SECTIONS = Shelf(
     "report/sections",
@@ -1146,7 +1141,6 @@ shown = [anchor for name, anchor in anchors.items() if name not in sys.argv[1:]]
 assert re.findall('<section id="(.*)">', page) == shown, re.findall('<section id="(.*)">', page)
 assert [int(n) for n in re.findall(r"<b>Figure ([0-9]+)[.]</b>", page)] == list(range(1, page.count("<b>Figure ") + 1))
 """,
-    alone=True,
 )
 SHELVES = {
     "formats of recordings": FORMATS, "shapes": SHAPES, "event rules": RULES, "controllers": CONTROLLERS,

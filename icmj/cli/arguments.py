@@ -69,9 +69,9 @@ class Command(ABC):
         return cls
 
     @classmethod
-    def extend(cls, options: Iterable[tuple[str, Any, str]]) -> type[Command]:
-        """The command with further options, each with name, type and meaning, and ``None`` where it is not given."""
-        new = [(name, Annotated[kind | None, Given(meaning=meaning)], None) for name, kind, meaning in options]
+    def extend(cls, options: Iterable[tuple[str, Any, Given]]) -> type[Command]:
+        """The command with these options, each with its type, how it is given, and ``None`` where it is not."""
+        new = [(name, Annotated[kind | None, given], None) for name, kind, given in options]
         return make_dataclass(cls.__name__, new, bases=(cls,), frozen=True, namespace={"__doc__": cls.__doc__})
 
     @abstractmethod

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Len
@@ -24,7 +24,7 @@ from icmj.base.array import MOST_ENTRIES, Array, Finite, NonNegative
 from icmj.controller.law import Law, expect_positive, find_input, find_output
 from icmj.controller.layout import Layout
 from icmj.controller.realisation import Guard, Mode, Realisation
-from icmj.controller.switching import make_guards
+from icmj.controller.switching import SwitchingPD, make_guards
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, expect_linear
 
@@ -122,9 +122,7 @@ class SwitchingChannels(Law):
     def plant(self) -> LinearPlant:
         return self.assumed
 
-    @property
-    def kind(self) -> Literal["switching"]:
-        return "switching"
+    kind = SwitchingPD.kind
 
     def facts(self) -> Mapping[str, Any]:
         each = {what: np.array([getattr(c, what) for c in self.channels]) for what in ("P", "D", "slope", "dead_zone")}

@@ -24,7 +24,7 @@ from icmj.work.own_code import Fact, digest_of, plain, reference_of
 if TYPE_CHECKING:
     from icmj.controller.design import Design
 
-Kind = Literal["event", "clock", "continuous", "switching"]
+Kind = Literal["event", "clock", "continuous"]
 _MOVED = {
     "EventTrigger": "icmj.controller.rules.quadratic",
     "BoxTrigger": "icmj.controller.rules.box",

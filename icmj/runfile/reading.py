@@ -22,6 +22,7 @@ from icmj.controller.rules import name_of
 from icmj.errors import AnalysisError, RunFileError, expect
 from icmj.plant.linear_plant import LinearPlant, expect_linear
 from icmj.runfile.schema import RunFile, plain, to_toml
+from icmj.runfile.shapes import kind_of_course
 from icmj.runfile.table import TomlTable, in_words
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Gaussian, Source
@@ -233,7 +234,7 @@ def _plant(plant: LinearPlant) -> dict[str, Any]:
 
 
 def _settings(settings: Settings) -> dict[str, Any]:
-    sources = [{"kind": type(source).__name__.lower(), **_source(source)} for source in settings.disturbance]
+    sources = [{"kind": kind_of_course(type(source)), **_source(source)} for source in settings.disturbance]
     given = {name: value for name, value in vars(settings).items() if name != "disturbance"}
     return given | ({"disturbance": sources} if sources else {})
 

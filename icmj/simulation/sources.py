@@ -53,8 +53,9 @@ class Placed:
             return None
         return Push(of, self.body, self.force, self.torque, self.point)
 
-    def _check_place(self, what: str) -> str:
-        """The name of where it acts; SimulationError if that is not one place."""
+    def _check_place(self) -> str:
+        """Where it acts, and as what; SimulationError if that is not one place."""
+        what = _name(self)
         named = {key: getattr(self, key, None) for key in ("input", "output", "body", "surface")}
         there = [key for key, name in named.items() if name is not None]
         known = "input, output, body and surface" if hasattr(self, "output") else "input, body and surface"
@@ -64,7 +65,7 @@ class Placed:
         of_body = any(self.force) or any(self.torque) or (self.point is not None and self.surface is None)
         loose = self.body is None and of_body
         require(not loose, f"{what}: force, torque and point are those of a body; name it")
-        return str(self.push.where if self.push else named[there[0]])
+        return f"{what} on {str(self.push.where if self.push else named[there[0]])!r}"
 
 
 @dataclass(frozen=True)
@@ -85,10 +86,10 @@ class Impulse(Placed):
     duration: Positive = 0.05
 
     def __post_init__(self) -> None:
-        where = self._check_place("impulse")
-        _check(self, "impulse", "size", "start", "duration")
-        require(self.start >= 0, f"impulse on {where!r}: start {self.start} s is negative")
-        require(self.duration > 0, f"impulse on {where!r}: duration {self.duration} s must be positive")
+        where = self._check_place()
+        _check(self, "size", "start", "duration")
+        require(self.start >= 0, f"{where}: start {self.start} s is negative")
+        require(self.duration > 0, f"{where}: duration {self.duration} s must be positive")
 
 
 @dataclass(frozen=True)
@@ -106,9 +107,9 @@ class Step(Placed):
     start: NonNegative = 0.0
 
     def __post_init__(self) -> None:
-        where = self._check_place("step")
-        _check(self, "step", "size", "start")
-        require(self.start >= 0, f"step on {where!r}: start {self.start} s is negative")
+        where = self._check_place()
+        _check(self, "size", "start")
+        require(self.start >= 0, f"{where}: start {self.start} s is negative")
 
 
 @dataclass(frozen=True)
@@ -145,10 +146,10 @@ class Noise(Placed):
     def __post_init__(self) -> None:
         if (self.body or self.surface) and self.on == "command":  # not said
             object.__setattr__(self, "on", "body")
-        where = f"noise on {self._check_place('noise')!r}"
+        where = self._check_place()
         require((self.bandwidth is None) != (self.corner is None), f"{where}: give one of bandwidth and corner")
         edge = "bandwidth" if self.corner is None else "corner"
-        _check(self, "noise", "size", edge, "start")
+        _check(self, "size", edge, "start")
         require(self.size > 0, f"{where}: size {self.size} must be positive")
         require(getattr(self, edge) > 0, f"{where}: {edge} {getattr(self, edge)} Hz must be positive")
         require(self.seed >= 0, f"{where}: seed {self.seed} is negative")
@@ -175,7 +176,7 @@ class Sinusoids(Placed):
     def __post_init__(self) -> None:
         if (self.body or self.surface) and self.on == "command":  # not said
             object.__setattr__(self, "on", "body")
-        where = f"sinusoids on {self._check_place('sinusoids')!r}"
+        where = self._check_place()
         object.__setattr__(self, "terms", tuple(tuple(map(float, term)) for term in self.terms))
         count = len(self.terms)
         require(1 <= count <= MOST_TERMS, f"{where}: {count} terms: expected between 1 and {MOST_TERMS}")
@@ -202,7 +203,7 @@ class Bias:
     start: NonNegative = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, "bias", "size", "start")
+        _check(self, "size", "start")
         require(self.start >= 0, f"bias on {self.output!r}: start {self.start} s is negative")
 
 
@@ -223,10 +224,10 @@ class Gridded(Placed):
     interval: Positive = GRID
     start: NonNegative = 0.0
 
-    def _check_grid(self, what: str, *names: str) -> str:
+    def _check_grid(self, *names: str) -> str:
         """Check the place and the grid; SimulationError if one is wrong."""
-        where = f"{what} on {self._check_place(what)!r}"
-        _check(self, what, *names, "interval", "start")
+        where = self._check_place()
+        _check(self, *names, "interval", "start")
         require(self.interval > 0, f"{where}: interval {self.interval} s must be positive")
         require(self.start >= 0, f"{where}: start {self.start} s is negative")
         return where
@@ -260,7 +261,7 @@ class Gaussian(Gridded):
     def __post_init__(self) -> None:
         if (self.body or self.surface) and self.on == "command":  # not said
             object.__setattr__(self, "on", "body")
-        where = self._check_grid("gaussian noise", "size", *(["corner"] if self.corner is not None else []))
+        where = self._check_grid("size", *(["corner"] if self.corner is not None else []))
         require(self.size > 0, f"{where}: size {self.size} must be positive")
         require(self.corner is None or self.corner > 0, f"{where}: corner {self.corner} Hz must be positive")
         require(self.seed >= 0, f"{where}: seed {self.seed} is negative")
@@ -285,7 +286,7 @@ class Sampled(Gridded):
     values: Annotated[tuple[Finite, ...], Len(1, MOST_VALUES)]
 
     def __post_init__(self) -> None:
-        where = self._check_grid("sampled disturbance")
+        where = self._check_grid()
         require(0 < len(self.values) <= MOST_VALUES, f"{where}: {len(self.values)} values; expected 1 to {MOST_VALUES}")
         require(bool(np.isfinite(self.at_points).all()), f"{where}: the values must be finite")
 
@@ -299,10 +300,15 @@ Source = Impulse | Step | Noise | Bias | Gaussian | Sampled | Sinusoids
 """One source of disturbance."""
 
 
-def _check(source: object, what: str, *names: str) -> None:
+def _name(source: object) -> str:
+    """What it is called, as its kind in a run file is."""
+    return type(source).__name__.lower()
+
+
+def _check(source: object, *names: str) -> None:
     for name in names:
         value = getattr(source, name)
-        require(bool(np.isfinite(value)), f"{what}: {name} must be finite, got {value}")
+        require(bool(np.isfinite(value)), f"{_name(source)}: {name} must be finite, got {value}")
 
 
 def require(good: bool, otherwise: str) -> None:

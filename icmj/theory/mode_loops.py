@@ -25,4 +25,4 @@ def list_loops(law: Law, plant: LinearPlant) -> dict[str, DelayLoop]:
 
 @list_loops.register
 def _(law: PredictorController, plant: LinearPlant) -> dict[str, DelayLoop]:
-    return {"predictor": predictor_loop(plant, law)}
+    return {law.kind: predictor_loop(plant, law)}

@@ -70,7 +70,7 @@ class ContinueCommand(Overrides):
             return
         main_plant = self.plant or plants_of(run)[-1]
         name = f"{run.case.name}.{self.parameter.replace(':', '-')}"
-        kinds = ("parquet", "rrd", "pdf", "svg")
+        drawn = "pdf", "svg"
         with Working(name, err) as working:
 
             def walk(plant: PlantKind, what: str) -> Branch:
@@ -79,7 +79,8 @@ class ContinueCommand(Overrides):
                     points=self.points, progress=lambda done: working.tell(what, done),
                 )  # fmt: skip
 
-            expect_replaceable(*(self.out / f"{name}.{main_plant}.{kind}" for kind in kinds))
+            endings = (".parquet", ".rrd", *(f".{kind}" for kind in drawn))
+            expect_replaceable(*(self.out / f"{name}.{main_plant}{ending}" for ending in endings))
             found, off = [walk(main_plant, f"{name}, {main_plant}")], list[str]()
             for special in found[0].specials if self.branches else ():
                 if special.kind in BRANCHING:
@@ -104,7 +105,7 @@ class ContinueCommand(Overrides):
             working.tell("drawing", 0.99)
             with style.apply():
                 figure = branch_figure(found, beneath)
-                for kind in kinds[2:]:
+                for kind in drawn:
                     files.append(self.out / f"{name}.{main_plant}.{kind}")
                     write_bytes(files[-1], style.save(figure, kind))
         for branch in found:

@@ -26,14 +26,23 @@ class ExportCommand(Command):
 
     log: Annotated[Path, POSITIONAL]
     """Log to read, folder of logs, or name of a case with logs in runs/out."""
-    to: Literal["csv", "parquet", "npz"] | None = None
-    """Format (default: the one that --out ends in, else csv)."""
+    to: str | None = None
+    """Format (default: the one that --out ends in, or else the first)."""
     rate: float | None = None
     """Rate of evenly spaced rows [Hz] (default: the rows as recorded, which include every event)."""
-    out: Annotated[Path | None, Given(writes=(".csv", ".parquet", ".npz"))] = None
+    out: Path | None = None
     """File to write, for one log (default: beside the log, with its name). The file of events has ".events" added to
     its name.
     """
+
+    @classmethod
+    def complete(cls) -> type[Command]:
+        """With the formats that are written."""
+        from icmj.series.writing import find_writers
+
+        endings = tuple(find_writers())
+        formats = Literal[tuple(ending.removeprefix(".") for ending in endings)]  # type: ignore[valid-type]
+        return cls.extend([("to", formats, Given()), ("out", Path, Given(writes=endings))])
 
     def carry_out(self, out: Terminal, err: Terminal) -> None:
         """Write rows and events of logs, say where they are."""
@@ -55,9 +64,10 @@ def _export(log: Path, command: ExportCommand, out: Terminal, err: Terminal) -> 
     from icmj.log.reader import read_log
     from icmj.series.writing import find_writers, write_series
 
-    path = log.with_suffix(f".{command.to or 'csv'}") if command.out is None else command.out
-    if path.suffix not in ([f".{command.to}"] if command.to else find_writers()):
-        expected = f".{command.to}, as --to says" if command.to else ", ".join(find_writers())
+    endings = [f".{command.to}"] if command.to else list(find_writers())
+    path = log.with_suffix(endings[0]) if command.out is None else command.out
+    if path.suffix not in endings:
+        expected = f"{endings[0]}, as --to says" if command.to else ", ".join(endings)
         raise DataError(f"--out {path}: expected a name that ends in {expected}")
     events_path = path.with_suffix(f".events{path.suffix}")
     expect_replaceable(path, events_path)

@@ -67,7 +67,7 @@ class MeasureCommand(Command):
         """With the options of the measures."""
         from icmj.measurement.measures import list_options
 
-        return cls.extend([(one.name, one.kind, one.meaning) for one in list_options().values()])
+        return cls.extend([(one.name, one.kind, Given(meaning=one.meaning)) for one in list_options().values()])
 
     def carry_out(self, out: Terminal, err: Terminal) -> None:
         """Print the measures of sway in logs or a file."""

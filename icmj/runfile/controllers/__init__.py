@@ -15,7 +15,7 @@ CONTROLLERS = Catalogue(
         "predictor",
         "switching",
         "delayed_pid",
-        "own",
+        "own_controller",
     ),
 )
 """The controllers, by the names of their files."""

@@ -8,6 +8,9 @@ Keys that are those of a dataclass come from it (:func:`icmj.runfile.table.keys_
 under it. Help, messages, JSON Schema and reference follow from these tables.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 from icmj.base.catalogue import Catalogue
 
 SHAPES = Catalogue(
@@ -26,7 +29,12 @@ SHAPES = Catalogue(
         "sampled",
         "double_steps",
         "file",
-        "own",
+        "own_shape",
     ),
 )
 """The shapes, by the names of their files."""
+
+
+def kind_of_course(course: Callable[..., Any]) -> str:
+    """The kind by which a run file selects the shape of this class of sources, or of this function that makes terms."""
+    return course.__name__.lower().replace("_", "-")

@@ -12,6 +12,7 @@ from icmj.base.array import Array, Finite, NonNegative, Positive, count_steps, l
 from icmj.controller.setpoint import Target, polygon
 from icmj.errors import AnalysisError, DataError, RunFileError
 from icmj.runfile.place import PlaceTable
+from icmj.runfile.shapes import kind_of_course
 from icmj.runfile.table import Line, TomlTable, keys_of
 from icmj.runfile.target import MOST_INTERVALS, TargetTable
 from icmj.simulation.sources import GRID, MOST_VALUES, Sampled
@@ -64,7 +65,8 @@ class FileTable(ColumnTable, PlaceTable):
         at = self.interval * np.arange(1 - count_steps(-count))
         taken = self.size * np.interp(at, times + self.start, values)
         kept = self.model_dump(exclude={"kind", "file", "column", "size"}, exclude_unset=True, mode="json")
-        return {**kept, "kind": "sampled", "values": taken.tolist(), "made_by": f"{self.file}: {self.column}"}
+        made_by = f"{self.file}: {self.column}"
+        return {**kept, "kind": kind_of_course(Sampled), "values": taken.tolist(), "made_by": made_by}
 
 
 class FileSetpoint(ColumnTable, TargetTable):

@@ -30,7 +30,7 @@ class GaussianTable(PlaceTable):
     def source(self) -> Source:
         """The source that it stands for."""
         if self.share is not None and self.size is not None:
-            raise SimulationError("gaussian noise: give size or share, not both")
+            raise SimulationError("gaussian: give size or share, not both")
         return self.make_source(Gaussian, **({"share": self.share} if self.share else {"size": self.full_size}))
 
 

@@ -23,6 +23,7 @@ from icmj.report import style
 from icmj.report.experiment import Row
 from icmj.report.findings import LINE, ShownResult, assign_colours, draw_reconstruction, under_legend
 from icmj.runfile.schema import RunFile
+from icmj.runfile.shapes import kind_of_course
 from icmj.runfile.table import LISTED, Line, keys_of
 from icmj.series.even_rows import measure_row_step
 from icmj.series.series import EVEN, Series
@@ -183,7 +184,7 @@ class DoubleStepTable(Kind):
 
     def stimulate(self, run: RunFile, seed: int) -> RunFile:
         keys = {"output", "combination", "unit", *signature(double_steps).parameters}
-        steps = {"kind": "double-steps"} | ({"name": COMBINED} if self.combination else {})
+        steps = {"kind": kind_of_course(double_steps)} | ({"name": COMBINED} if self.combination else {})
         steps |= self.model_dump(include=keys, exclude_defaults=True) | {"seed": seed}
         kept = [one.model_dump(exclude_defaults=True, exclude_none=True) for one in run.setpoint]
         moved = run.with_(setpoint=[*kept, steps])

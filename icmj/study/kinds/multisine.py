@@ -12,11 +12,13 @@ from pydantic import Field, model_validator
 from icmj.base.array import MOST_ENTRIES, Array, Positive, Positives
 from icmj.base.numbers import count
 from icmj.case.case import Case, PlantKind
+from icmj.controller.setpoint import sines
 from icmj.errors import AnalysisError, DataError
 from icmj.experiments.linear_response import frequency_response
 from icmj.experiments.recording import Recording, keep_complete
 from icmj.report.experiment import Row
 from icmj.runfile.schema import RunFile
+from icmj.runfile.shapes import kind_of_course
 from icmj.runfile.table import TomlTable
 from icmj.series.series import Series
 from icmj.simulation.simulation import Simulation
@@ -96,14 +98,16 @@ class MultisineTable(Kind):
         if self.input is not None:
             key, kept = "simulation.disturbance", [_plain(one) for one in run.simulation.disturbance]
             terms = [[a, 2 * np.pi * f, phi] for f, phi in zip(lines, phases, strict=True)]
-            sines: dict[str, Any] = {"kind": "sinusoids", "input": self.input, "on": "command", "terms": terms}
+            acts = {"input": self.input, "on": "command", "terms": terms}
+            entry: dict[str, Any] = {"kind": kind_of_course(Sinusoids), **acts}
         else:
             key, kept = "setpoint", [_plain(one) for one in run.setpoint]
             # a set-point is of sines, a disturbance of cosines
             turned = [phi + np.pi / 2 for phi in phases]
-            sines = {"kind": "sines", "output": self.setpoint, "size": a, "frequencies": lines, "phases": turned}
+            moves = {"output": self.setpoint, "size": a, "frequencies": lines, "phases": turned}
+            entry = {"kind": kind_of_course(sines), **moves}
         duration = (self.settle + self.periods) * self.period
-        return set_duration(run.with_(**{key: [*kept, sines]}), duration, self.rate)
+        return set_duration(run.with_(**{key: [*kept, entry]}), duration, self.rate)
 
     @property
     def begin(self) -> float:

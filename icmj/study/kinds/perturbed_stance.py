@@ -12,12 +12,13 @@ from pydantic import Field, model_validator
 from icmj.base.array import Array, Finite, NonNegative, Positive
 from icmj.base.numbers import count
 from icmj.case.case import Case, PlantKind
-from icmj.controller.setpoint import TERNARY_INTERVALS
+from icmj.controller.setpoint import TERNARY_INTERVALS, ternary
 from icmj.experiments.multisine import Multisine
 from icmj.experiments.recording import Recording, keep_complete
 from icmj.experiments.stance_channels import CHANNEL_NUMBERS, StanceChannels, fit_channels
 from icmj.report.experiment import Row
 from icmj.runfile.schema import RunFile
+from icmj.runfile.shapes import kind_of_course
 from icmj.series.series import Series
 from icmj.series.units import convert_to_si
 from icmj.simulation.simulation import Simulation
@@ -179,7 +180,7 @@ class PerturbedStanceTable(Kind):
     def stimulate(self, run: RunFile, seed: int) -> RunFile:
         kept = [one.model_dump(exclude_unset=True) for one in run.simulation.disturbance]
         tilt: dict[str, Any] = {
-            "kind": "ternary", "surface": "tilt", "size": self.size, "interval": self.interval,
+            "kind": kind_of_course(ternary), "surface": "tilt", "size": self.size, "interval": self.interval,
             "bandwidth": self.highest, "point": [0.0, 0.0, self.axis_height],
             "vertical": self.vertical, "vertical_rate": self.vertical_rate,
         }  # fmt: skip

@@ -7,14 +7,14 @@ from typing import ClassVar
 from icmj.controller.law import Law, expect_law
 from icmj.errors import RunFileError
 from icmj.runfile.control_tables import ControllerTable, Parts
-from icmj.runfile.table import Parameters, Reference
+from icmj.runfile.table import OWN, Parameters, Reference
 from icmj.work.own_code import guard, pick_accepted
 
 
 class OwnController(ControllerTable):
     """Your own controller: the ``module:name`` of a class that inherits from ``icmj.Law``."""
 
-    tag: ClassVar[str] = "own"
+    tag: ClassVar[str] = OWN
 
     kind: Reference
     """The class; it receives the assumed plant, the delay if it accepts one, and the parameters."""

@@ -15,7 +15,8 @@ import numpy as np
 from icmj.base.array import LARGEST
 from icmj.errors import RunFileError
 from icmj.runfile.place import PlaceTable
-from icmj.runfile.table import Parameters, Reference, keys_of, short
+from icmj.runfile.shapes import kind_of_course
+from icmj.runfile.table import OWN, Parameters, Reference, keys_of, short
 from icmj.runfile.target import TargetTable
 from icmj.simulation.sources import Sinusoids
 from icmj.work.own_code import Code, digest_of, pick_accepted
@@ -25,7 +26,7 @@ from icmj.work.own_code import Code, digest_of, pick_accepted
 class OwnNoiseTable(PlaceTable):
     """Noise from your own code: the ``module:name`` of a function that draws the terms of a sum of sinusoids."""
 
-    tag: ClassVar[str] = "own"
+    tag: ClassVar[str] = OWN
 
     kind: Reference
     """The function; it receives the parameters, and ``duration`` [s] if it accepts one."""
@@ -40,7 +41,7 @@ class OwnNoiseTable(PlaceTable):
         rows = {3: "(a, ω, φ)", 5: "(a, ω, φ, start, end)"}
         terms, origin = _draw(code, self.kind, self.parameters, duration, rows)
         kept = self.model_dump(exclude={"kind", "parameters"}, exclude_unset=True, mode="json")
-        return {**kept, "kind": "sinusoids", "terms": terms, **origin}
+        return {**kept, "kind": kind_of_course(Sinusoids), "terms": terms, **origin}
 
 
 class OwnSetpoint(TargetTable):
@@ -49,7 +50,7 @@ class OwnSetpoint(TargetTable):
     Such terms are made by the functions of :mod:`icmj.controller` that are named by a course, such as ``polygon``.
     """
 
-    tag: ClassVar[str] = "own"
+    tag: ClassVar[str] = OWN
 
     kind: Reference
     """The function; it receives the parameters, and ``duration`` [s] if it accepts one."""
@@ -60,7 +61,7 @@ class OwnSetpoint(TargetTable):
         """The table of kind ``sinusoids`` with the terms that ``code`` gives."""
         terms, origin = _draw(code, self.kind, self.parameters, duration, {5: "(a, ω, φ, start, end)"})
         kept = self.model_dump(exclude={"kind", "parameters"}, exclude_unset=True, mode="json")
-        return {**kept, "kind": "sinusoids", "rate": terms, **origin}
+        return {**kept, "kind": kind_of_course(Sinusoids), "rate": terms, **origin}
 
 
 def _draw(
