@@ -5,12 +5,13 @@ import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from icmj.controller.hold import HOLDS
-from icmj.plant.quality import KINDS
+from icmj.plant.quality import Fault
 
 ROOT = Path(__file__).resolve().parent.parent
+FAULTS = get_args(Fault)
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ def run_tables(rng: random.Random, names: Names, name: str = "case") -> dict[str
         "study": {"growth_points": rng.choice((0, 0, 0, 1, 2))},
     }
     if rng.random() < 0.5:
-        tables["analysis"]["allow"] = rng.sample(KINDS, rng.choice((1, 3, len(KINDS))))
+        tables["analysis"]["allow"] = rng.sample(FAULTS, rng.choice((1, 3, len(FAULTS))))
     if rng.random() < 0.12:
         duration = tables["simulation"]["duration"]
         tables["setpoint"] = [_setpoint(rng, names, duration) for _ in range(rng.choice((1, 1, 2)))]

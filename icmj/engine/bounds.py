@@ -16,7 +16,7 @@ from icmj.base.array import Array
 from icmj.engine.activations import activation_rates
 from icmj.engine.isolation import isolate_engine
 from icmj.engine.model import OperatingPoint, make_data, name_inputs, solve_fully
-from icmj.plant.quality import Excess, Kind
+from icmj.plant.quality import Excess
 
 _SAME = 1e-6  # of the size of an answer: a change that no limit makes
 
@@ -32,7 +32,7 @@ class Bound(NamedTuple):
 class _Sort(NamedTuple):
     """Kind of the notice, what of the plant an entry belongs to, words for the limit, and where its numbers are."""
 
-    kind: Kind
+    kind: str
     of: str
     words: str
     range: str

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,8 @@ from icmj.base.array import Array, argmax_abs, balance, choose_units
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
 
-Kind = Literal[
-    "not at rest", "kink", "dry friction", "feedthrough", "coarse derivatives", "uncontrollable", "unobservable",
-    "sensor bias", "outputs", "operating point", "dropped state", "keyframe", "person", "saturation", "joint limit",
-    "not linear", "large step", "time step", "not smooth", "lift-off", "paper", "slow noise", "set-point",
-    "sampling delay", "unresolved",
-]  # fmt: skip
-KINDS: tuple[str, ...] = get_args(Kind)
+Fault = Literal["not at rest", "kink", "dry friction", "feedthrough", "coarse derivatives"]
+"""The kinds of notice that may be errors; what else may be noticed is called so where it is."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +29,12 @@ class Notice:
     """One notice.
 
     Attributes:
-        kind: name by which a run file allows it.
+        kind: its name, a few words; by that of an error a run file allows it.
         severity: ``error`` if it would make a prediction meaningless, otherwise ``warning``.
         words: one sentence: what is wrong, where, and what to do.
     """
 
-    kind: Kind
+    kind: str
     severity: Literal["warning", "error"]
     words: str
 
@@ -272,7 +267,7 @@ class Excess:
     """
 
     what: str
-    kind: Kind
+    kind: str
     inputs: tuple[str, ...] = ()
 
 

@@ -23,9 +23,10 @@ from icmj.controller.setpoint import (
 from icmj.controller.trigger import EventRule, expect_own_rule
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant
-from icmj.plant.quality import Kind
+from icmj.plant.quality import Fault
 from icmj.runfile.table import (
     Interval,
+    Line,
     Parameters,
     Reference,
     TomlTable,
@@ -240,5 +241,5 @@ class Analysis(TomlTable):
 
     delta_max: Interval = 3.0
     """Upper end of the search for crossings [s]."""
-    allow: list[Kind] = []
-    """Kinds of notice that are reported instead of stopping the run as errors."""
+    allow: list[Fault | Line] = []
+    """Kinds of notice that are reported instead of stopping the run as errors; other kinds never stop it."""

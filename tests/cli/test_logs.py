@@ -17,7 +17,7 @@ from icmj.log.selection import find_log, find_logs
 
 TAKE_LOGS = {"report": [], "replay": ["--web"], "export": [], "measure": [], "identify": []}
 
-COMMANDS = {name: SHELF[name].COMMAND for name in SHELF.names}
+COMMANDS = {name: SHELF[name].COMMAND.complete() for name in SHELF.names}
 
 
 @pytest.fixture(scope="module")

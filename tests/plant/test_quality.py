@@ -1,13 +1,17 @@
 """Modes and notices of plants whose structure is known."""
 
+import ast
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
 
-from icmj.errors import ModelError
+import icmj
+from icmj.errors import ModelError, RunFileError
 from icmj.plant.linear_plant import LinearPlant
 from icmj.plant.quality import (
+    Fault,
     Notice,
     Quality,
     Residual,
@@ -135,3 +139,20 @@ def test_an_error_stops_unless_it_is_allowed():
     same = Notice("keyframe", "warning", "twice")
     assert permit((same, same), (), "") == (same,)
     assert Quality(Residual(9e-6, "tilt", "rad/s²", 9e-7)).notices == ()
+
+
+def test_a_run_file_names_every_kind_of_error_and_a_warning_needs_no_entry(root):
+    """By the syntax of all modules: of a notice, its kind and its severity."""
+    called: dict[str, set[str]] = {"error": set(), "warning": set()}
+    for path in (root / "icmj").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "Notice":
+                kind, severity = (getattr(each, "value", None) for each in node.args[:2])
+                called[severity].add(kind)
+    assert called["error"] == {*get_args(Fault)}
+    assert len(called["warning"]) > 15
+    run = icmj.load_run("simple-0.8")
+    allowed = [*get_args(Fault), "large step"]  # the latter stops none, and older files may have it
+    assert run.with_(**{"analysis.allow": allowed}).analysis.allow == allowed
+    with pytest.raises(RunFileError, match=r"allow\[0\]"):
+        run.with_(**{"analysis.allow": [1]})
