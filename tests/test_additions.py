@@ -75,7 +75,7 @@ def test_the_list_names_every_file_of_a_shelf_and_nobody_else_imports_one(title,
 ELSEWHERE = {
     "shapes": {
         "a file: a column of a table, a key, what a message is about": (
-            "file", "cli/commands/cases cli/commands/fit cli/commands/new runfile/table study/experiment"
+            "file", "cli/commands/cases cli/commands/fit cli/commands/new runfile/messages study/experiment"
         ),
         "any noise: whether a run has some, and its size": (
             "noise", "case/comparison report/live report/sections/noise_statistics study/chunk study/first_file"
@@ -100,7 +100,7 @@ ELSEWHERE = {
             "case/case cli/commands/new cli/commands/schema cycle/branch fits/bank fits/family study work/shipped",
         ),
         "somebody who stands: a table, a column, a line of what is known": (
-            "person", "case/notices cli/commands/fit fits plant/quality report/sections/case_panels "
+            "person", "case/notices cli/commands/fit fits report/sections/case_panels "
             "runfile/plant_tables series/long_table study/experiment"
         ),
         "the cases of a page, or of what is shipped": ("cases", "report/sections work/shipped"),

@@ -29,7 +29,7 @@ FLOORS = (
 LEVEL = {folder: level for level, floor in enumerate(FLOORS) for folder in floor}
 # what is compiled: the loop on the engine, the exact simulation of the linear plant, and how both are
 ROOMS = ("engine/native", "linear/native", "base/compilation", "base/linking", "base/references", "base/roots")
-TABLES = ("runfile", "study/experiment_file", "study/kind", "fits/family_file")  # the schema of files
+TABLES = ("runfile", "study/experiment_file", "study/kind", "study/sweep_facts", "fits/family_file")  # of files
 ONLY_IN = {"mujoco": "engine", "rerun": "log", "numba": ROOMS, "argparse": "cli", "pydantic": TABLES}
 MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
 
@@ -207,7 +207,7 @@ def test_what_is_on_disk_is_read_in_one_way() -> None:
             "base.compilation",
             "work.own_code",
             "work.shipped",
-            "work.folder",
+            "work.provenance",
             "cli.commands.new",
         ),  # files of the installation
         *(

@@ -7,10 +7,6 @@ are halved, which makes the bound converge quadratically, so that no root is mis
 Arguments that come again: ``powers`` are coefficients a_j of θ^j, the first ``degree`` + 1 of an array; ``F`` is
 ``from_powers(degree)``. Nothing is allocated: ``stack`` has :data:`DEEPEST` rows at least as long as the polynomial,
 for Bernstein coefficients of pending intervals; ``spans`` has their starts, ends and depths, shape (DEEPEST, 3).
-
-Instants are compared here, too. What is due at an instant is computed in several ways: as a multiple of an interval,
-as an event's time and a delay, as a number of the run file. Their sums are rounded, and whoever asks for a push at
-0.1 s and for an event 0.1 s after the start means the same instant, whatever the last bit says.
 """
 
 from __future__ import annotations
@@ -18,16 +14,6 @@ from __future__ import annotations
 import numpy as np
 
 from icmj.base.compilation import compiled, summing
-
-ONE_INSTANT = 1e-12
-"""Instants this close [s] are one."""
-
-
-@compiled
-def one(instant, other):  # type: ignore[no-untyped-def]
-    """The instant, or the ``other`` where the two are one [s]; either may be infinite."""
-    return other if abs(instant - other) <= ONE_INSTANT else instant
-
 
 DEEPEST = 56  # rows that halving needs
 _SHORT = 8  # degree of a derivative's part that is looked at first

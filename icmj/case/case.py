@@ -20,7 +20,8 @@ from icmj.base.array import Array
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import count
-from icmj.base.text import one_line, suggest
+from icmj.base.similar_names import suggest
+from icmj.base.text import one_line
 from icmj.case.control import controller_of, setpoint_of
 from icmj.case.iosystem import AnyPlant
 from icmj.case.noise import refuse_beyond_theory, small_noise

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 
-from icmj.base.text import suggest
+from icmj.base.similar_names import suggest
 from icmj.cli.arguments import Command
 from icmj.cli.commands import COMMANDS
 from icmj.cli.parsing import COMPLETION, STYLE, Parser, fill

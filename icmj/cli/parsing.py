@@ -14,7 +14,9 @@ from dataclasses import MISSING, is_dataclass
 from types import NoneType
 from typing import Any, Literal, NoReturn, get_args, get_origin
 
-from icmj.base.text import one_line, read_attribute_docstrings, suggest
+from icmj.base.docstrings import read_attribute_docstrings
+from icmj.base.similar_names import suggest
+from icmj.base.text import one_line
 from icmj.cli.arguments import Command, Given, list_arguments, name_option
 from icmj.cli.commands import COMMANDS
 from icmj.errors import IcmjError

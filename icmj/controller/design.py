@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from icmj.base.array import SEMIDEFINITE, Array, compute_balanced_modes, real
+from icmj.base.array import Array, real
+from icmj.base.balancing import SEMIDEFINITE, compute_balanced_modes
 from icmj.base.blas_threads import ignore_warnings, limit_to_one_thread
 from icmj.base.text import one_line
 from icmj.errors import DesignError

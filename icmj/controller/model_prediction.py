@@ -9,7 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from icmj.base.array import Array, compute_exponential
+from icmj.base.array import Array
+from icmj.base.balancing import compute_exponential
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.errors import AnalysisError

@@ -16,7 +16,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, at_or_after, choose_units, count_steps
+from icmj.base.array import Array, at_or_after, count_steps
+from icmj.base.balancing import choose_units
 from icmj.controller.design import Design
 from icmj.controller.hold import Hold
 from icmj.controller.trigger import Faces

@@ -4,7 +4,7 @@ import lazy_loader
 
 from icmj.base.process import INTERPRETED
 from icmj.errors import ModelError
-from icmj.work.folder import expect_minor
+from icmj.work.provenance import expect_minor
 
 if not INTERPRETED:  # the compiled code knows the structs of this version
     expect_minor("mujoco", "4.0", ModelError)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.roots import ONE_INSTANT
+from icmj.base.instants import ONE_INSTANT
 
 POINTS = 6  # a quintic: its sixth-order error stays below that of the fourth-order integrator
 

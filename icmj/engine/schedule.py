@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from icmj.base.array import Array
-from icmj.base.roots import ONE_INSTANT
+from icmj.base.instants import ONE_INSTANT
 from icmj.controller.law import Law
 from icmj.plant.linear_plant import LinearPlant
 

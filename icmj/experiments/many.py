@@ -16,8 +16,8 @@ from icmj.case.plants import linear_plant
 from icmj.engine.plant import MujocoPlant
 from icmj.errors import SimulationError, expect
 from icmj.measurement.sway import sway_numbers
+from icmj.runfile.messages import short
 from icmj.runfile.schema import RunFile
-from icmj.runfile.table import short
 from icmj.series.interpolation import NEAR
 from icmj.series.series import Series
 from icmj.simulation.settings import MOST_ROWS, Settings, reseed

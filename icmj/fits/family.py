@@ -29,12 +29,14 @@ from icmj.linear.run import simulate
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant, match_ports
 from icmj.runfile.schema import RunFile
-from icmj.runfile.sweep_tables import PRESSURE
 from icmj.simulation.settings import Settings, reseed
 from icmj.simulation.start import start_states
 from icmj.theory.delay_roots import count_unstable
 from icmj.theory.mode_loops import list_loops
 from icmj.work.folder import fingerprint_of
+
+PRESSURE = "pressure.torque."
+"""Begins a key that is a weight of the centre of pressure and none of the run file."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,8 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, balance
+from icmj.base.array import Array
+from icmj.base.balancing import balance
 from icmj.base.bernstein import make_bernstein_matrix
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.interruption import defer_interrupt

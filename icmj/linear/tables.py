@@ -17,7 +17,8 @@ from math import comb, factorial
 
 import numpy as np
 
-from icmj.base.array import Array, balance, compute_exponential
+from icmj.base.array import Array
+from icmj.base.balancing import balance, compute_exponential
 from icmj.base.bernstein import make_bernstein_matrix
 from icmj.base.economisation import economise
 from icmj.linear.loop import Forcing, LinearLoop

@@ -23,7 +23,7 @@ Series of a group are the columns of one entity, named by its static ``SeriesLin
 import lazy_loader
 
 from icmj.errors import LogError
-from icmj.work.folder import expect_minor
+from icmj.work.provenance import expect_minor
 
 expect_minor("rerun-sdk", "0.41", LogError)
 

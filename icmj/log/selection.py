@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import get_args
 
 from icmj.base.files import is_file_name
-from icmj.base.text import one_line, suggest
+from icmj.base.similar_names import suggest
+from icmj.base.text import one_line
 from icmj.case.case import PlantKind
 from icmj.errors import LogError
 from icmj.log.reader import DamagedLog, read_summary

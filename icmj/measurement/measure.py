@@ -18,7 +18,9 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from icmj.base.array import Array
-from icmj.base.text import one_line, read_meanings, suggest
+from icmj.base.docstrings import read_meanings
+from icmj.base.similar_names import suggest
+from icmj.base.text import one_line
 from icmj.errors import DataError
 from icmj.work.own_code import Code, folder_of, guard, reference_of
 

@@ -16,7 +16,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, argmax_abs, balance, choose_units
+from icmj.base.array import Array, argmax_abs
+from icmj.base.balancing import balance, choose_units
 from icmj.errors import ModelError
 from icmj.plant.linear_plant import LinearPlant
 

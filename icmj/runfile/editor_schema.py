@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from icmj.base import VERSION
-from icmj.base.text import read_attribute_docstrings, read_meanings
+from icmj.base.docstrings import read_attribute_docstrings, read_meanings
 
 SCHEMA_VERSION = 2
 """Rises with every change after which a file that was valid is not any more, or means something else."""

@@ -21,9 +21,10 @@ from icmj.controller.controller import Controller
 from icmj.controller.rules import name_of
 from icmj.errors import AnalysisError, RunFileError, expect
 from icmj.plant.linear_plant import LinearPlant, expect_linear
+from icmj.runfile.messages import in_words
 from icmj.runfile.schema import RunFile, plain, to_toml
 from icmj.runfile.shapes import kind_of_course
-from icmj.runfile.table import TomlTable, in_words
+from icmj.runfile.table import TomlTable
 from icmj.simulation.settings import Settings
 from icmj.simulation.sources import Gaussian, Source
 from icmj.work.shipped import RUNS, Shelf

@@ -29,11 +29,12 @@ from icmj.plant.activation import Activation
 from icmj.plant.person import Person
 from icmj.runfile.control_tables import Analysis, Control, ControllerTable, Weights
 from icmj.runfile.controllers import CONTROLLERS
+from icmj.runfile.messages import in_words
 from icmj.runfile.place import DisturbanceTable
 from icmj.runfile.plant_tables import ON_ENGINE, Actual, Assumed
 from icmj.runfile.run_tables import SimulationTable, StudyTable
 from icmj.runfile.shapes import SHAPES
-from icmj.runfile.table import CHOICE, Line, Name, TomlTable, in_words, kind_of, one_of, tag_of
+from icmj.runfile.table import CHOICE, Line, Name, TomlTable, kind_of, one_of, tag_of
 from icmj.runfile.target import TargetTable, find_files
 from icmj.work.own_code import Code
 from icmj.work.shipped import MODELS

@@ -1,7 +1,6 @@
 """The sweep file: one case at many points.
 
-It says which fields vary, and what is computed at each point. What is read again of ``sweep.json``, the description of
-a sweep's folder, is here, too.
+It says which fields vary, and what is computed at each point.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, StringConstraints, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from icmj.base.array import Finite, Seed
 from icmj.errors import RunFileError
@@ -28,7 +27,6 @@ RESERVED = (
 _TABLES = ("assumed", "actual", "design", "controller", "analysis", "simulation")
 _Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=60)]
 _Plant = Literal["linear", "mujoco"]
-_Word = Annotated[str, StringConstraints(max_length=300, pattern=r"^[^\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]*$")]
 
 
 class SweepHeadTable(TomlTable):
@@ -214,66 +212,3 @@ def load_sweep(path: Path | str, *, allow_code: bool = False) -> SweepFile:
     """
     path, text = read_text(Path(path), SWEEPS)
     return SweepFile.validated(parse_toml(text, path), path, text, allow_code=allow_code)
-
-
-class Facts(BaseModel):
-    """What a folder says that it is of.
-
-    Attributes:
-        fingerprint: of all that decides what comes out.
-        name, title: of the sweep file.
-        points: how many there are to be.
-        chunk: points of one file.
-        varies: columns of what varies.
-        fields: of the run file that they are, "" for a change of the model.
-        outputs: of the plant.
-        measures: names of the numbers of the user's own measures.
-        units: of what varies and of the outputs, by name, where they are known.
-        versions: of what computed, by package.
-    """
-
-    model_config = ConfigDict(strict=True, frozen=True)
-    fingerprint: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{16}$")]
-    name: Name
-    title: _Word
-    points: Annotated[int, Field(ge=1, le=MOST_POINTS)]
-    chunk: Annotated[int, Field(ge=1, le=100_000)]
-    varies: list[_Word]
-    fields: list[_Word]
-    outputs: list[_Word]
-    measures: list[_Word] = []
-    units: dict[str, _Word] = {}
-    versions: dict[str, _Word]
-
-    @model_validator(mode="after")
-    def _fit(self) -> Facts:
-        if len(self.varies) != len(self.fields):
-            raise ValueError("varies and fields differ in length")
-        return self
-
-    @property
-    def chunks(self) -> int:
-        """How many files there are to be."""
-        return -(-self.points // self.chunk)
-
-    def rows(self, chunk: int) -> range:
-        """The points of one of them, by index."""
-        return range(chunk * self.chunk, min((chunk + 1) * self.chunk, self.points))
-
-
-def parse_facts(content: bytes) -> Facts:
-    """The facts in JSON text.
-
-    Raises:
-        ValueError: in one line, if there are none.
-    """
-    try:
-        return Facts.model_validate_json(content)
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        raise ValueError(f"{where}: {first['msg']}" if where else first["msg"]) from error
-
-
-PRESSURE = "pressure.torque."
-"""Begins a key that is a weight of the centre of pressure and none of the run file."""

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from icmj.base.array import Array, propagate
+from icmj.base.array import Array
+from icmj.base.balancing import propagate
 from icmj.controller.controller import Controller
 from icmj.controller.law import Law
 from icmj.series.interpolation import NEAR, has_instants, snap_rows

@@ -52,8 +52,9 @@ from icmj.simulation.settings import reseed
 from icmj.study.estimate import refuse_trials
 from icmj.study.experiment_file import CaseTable, ExperimentFile, load_experiment
 from icmj.study.kind import CaseResult, Kind, at_work
-from icmj.work.folder import Description, Folder, digest_of, fingerprint_of, provenance, resume
+from icmj.work.folder import Description, Folder, digest_of, fingerprint_of, resume
 from icmj.work.own_code import Code
+from icmj.work.provenance import provenance
 from icmj.work.workers import Task, do, processes
 
 TRIALS = "trials"

@@ -20,7 +20,8 @@ from icmj.case.references import digests, references
 from icmj.errors import RunFileError, SweepError
 from icmj.runfile.schema import RunFile
 from icmj.runfile.sweep_tables import SweepFile, VaryTable
-from icmj.work.folder import fingerprint_of, versions
+from icmj.work.folder import fingerprint_of
+from icmj.work.provenance import versions
 
 Value = Any
 """What a field of a run file may be: a number, text, true or false, or a list of numbers."""

@@ -75,7 +75,7 @@ def run_case(
     from icmj.measurement.measurement import measure
     from icmj.simulation.scene import select_frames
     from icmj.simulation.simulation import list_remarks
-    from icmj.work.folder import provenance
+    from icmj.work.provenance import provenance
 
     report: Callable[[float], None] = progress or (lambda _: None)
     case = prepare(run) if isinstance(run, RunFile) else run

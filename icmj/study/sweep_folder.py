@@ -26,10 +26,11 @@ from icmj.base.parquet import read_parquet
 from icmj.base.text import one_line
 from icmj.case.sweep_table import SweepTable
 from icmj.errors import SweepError
-from icmj.runfile.sweep_tables import Facts, parse_facts
 from icmj.study.chunk import TYPES, ChunkResult, columns, meanings, schema
 from icmj.study.plan import Plan
-from icmj.work.folder import Description, Folder, provenance, resume
+from icmj.study.sweep_facts import Facts, parse_facts
+from icmj.work.folder import Description, Folder, resume
+from icmj.work.provenance import provenance
 
 WHAT, POINTS, TIMING = "sweep", "points", "timing.csv"
 _MOST_OF_ROW, _MOST_OF_CHUNK = 100e3, 500e6  # bytes of a row, and of one chunk, in its file and in memory

@@ -19,7 +19,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from icmj.base.array import Array, argsort_descending, balance
+from icmj.base.array import Array, argsort_descending
+from icmj.base.balancing import balance
 from icmj.controller.law import Law
 from icmj.errors import AnalysisError
 from icmj.plant.linear_plant import LinearPlant, match_ports

@@ -15,7 +15,8 @@ from functools import cached_property
 
 import numpy as np
 
-from icmj.base.array import Array, compute_exponential, real
+from icmj.base.array import Array, real
+from icmj.base.balancing import compute_exponential
 from icmj.controller.closed_loop import ERRORS, compose
 from icmj.controller.controller import Controller
 from icmj.controller.delay import NO_DELAY, Delay

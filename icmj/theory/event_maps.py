@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, argsort_descending, compute_exponential
+from icmj.base.array import Array, argsort_descending
+from icmj.base.balancing import compute_exponential
 from icmj.controller.closed_loop import compose
 from icmj.controller.controller import Controller
 from icmj.controller.hold import system_matched

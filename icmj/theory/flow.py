@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import Array, balance
+from icmj.base.array import Array
+from icmj.base.balancing import balance
 from icmj.errors import AnalysisError
 
 _TERMS = 18  # 1/19! = 8e-18: the Taylor series to rounding for ‖Ā_C t‖ ≤ 1

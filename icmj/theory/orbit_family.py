@@ -13,6 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from icmj.base.array import Array
+from icmj.theory.invariant_subspaces import complete_basis
+
+_MOST_MEMBERS = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,3 +49,28 @@ def describe_family(basis: Array, tried: int, admissible: int, attracting: int, 
         f"and attraction is to the family: {members}"
     )
     return OrbitFamily(k, basis / np.linalg.norm(basis, axis=0), tried, admissible, attracting, words)
+
+
+def list_mixtures(k: int) -> Array:
+    """Coefficients of the members to look at, the evenly mixed one first, shape (members, k)."""
+    if k == 1:
+        return np.ones((1, 1))
+    flipped = np.ones((k - 1, k)) - 2 * np.eye(k)[1:]
+    return np.vstack([np.ones((1, k)), flipped, np.eye(k)])[:_MOST_MEMBERS]
+
+
+def divide_by_family(J: Array, basis: Array, sign: int) -> Array:
+    """J without the family: on the quotient by its tangent space, where J is ±1; shape (m − k + 1, m − k + 1).
+
+    Args:
+        J: Jacobian of the return map at one member, shape (m, m).
+        basis: of the eigenspace, shape (m, k).
+        sign: the eigenvalue of φ there.
+    """
+    k = basis.shape[1]
+    if k == 1:
+        return J
+    # on the eigenspace J differs from ±1 by a matrix of rank one, which moves the event
+    along = np.linalg.svd(J @ basis - sign * basis)[2][1:].T
+    Q = complete_basis(basis @ along)
+    return np.asarray(Q.T @ J @ Q)

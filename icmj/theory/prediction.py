@@ -34,9 +34,9 @@ from icmj.theory.flow import Flow, make_flow
 from icmj.theory.neutral_modes import NeutralMode
 from icmj.theory.orbit import Orbit, compute_critical_vectors
 from icmj.theory.orbit import compute_orbit as orbit_at
-from icmj.theory.orbit_family import OrbitFamily, describe_family
+from icmj.theory.orbit_family import OrbitFamily, describe_family, divide_by_family, list_mixtures
 from icmj.theory.outlook import Outlook, look_beyond
-from icmj.theory.reduction import Reduction, divide_by_family, is_stable_modulo_neutral, list_mixtures, reduce_system
+from icmj.theory.reduction import Reduction, is_stable_modulo_neutral, reduce_system
 
 PREDICTION = (
     Fact("delta_crit", "critical interval Δ_crit", "s", "critical open-loop interval", attrgetter("delta_crit")),

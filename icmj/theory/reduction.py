@@ -19,7 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, balance
+from icmj.base.array import Array
+from icmj.base.balancing import balance
 from icmj.errors import AnalysisError
 from icmj.theory.error_system import ErrorSystem
 from icmj.theory.flow import Flow, make_flow
@@ -261,31 +262,3 @@ def is_stable_modulo_neutral(A: Array, inputs: Array, outputs: Array) -> bool:
     A, inputs = Q.T @ A @ Q, Q.T @ (inputs / scale[:, None])
     R = complete_basis(find_neutral(A.T, inputs.T))
     return bool(np.linalg.eigvals(R.T @ A @ R).real.max(initial=-np.inf) < 0)
-
-
-_MOST_MEMBERS = 16
-
-
-def list_mixtures(k: int) -> Array:
-    """Coefficients of the members to look at, the evenly mixed one first, shape (members, k)."""
-    if k == 1:
-        return np.ones((1, 1))
-    flipped = np.ones((k - 1, k)) - 2 * np.eye(k)[1:]
-    return np.vstack([np.ones((1, k)), flipped, np.eye(k)])[:_MOST_MEMBERS]
-
-
-def divide_by_family(J: Array, basis: Array, sign: int) -> Array:
-    """J without the family: on the quotient by its tangent space, where J is ±1; shape (m − k + 1, m − k + 1).
-
-    Args:
-        J: Jacobian of the return map at one member, shape (m, m).
-        basis: of the eigenspace, shape (m, k).
-        sign: the eigenvalue of φ there.
-    """
-    k = basis.shape[1]
-    if k == 1:
-        return J
-    # on the eigenspace J differs from ±1 by a matrix of rank one, which moves the event
-    along = np.linalg.svd(J @ basis - sign * basis)[2][1:].T
-    Q = complete_basis(basis @ along)
-    return np.asarray(Q.T @ J @ Q)

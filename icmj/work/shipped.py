@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from icmj.base.text import find_nearest
+from icmj.base.similar_names import find_nearest
 from icmj.errors import ModelError
 
 SHIPPED = Path(__file__).resolve().parent.parent / "shipped"

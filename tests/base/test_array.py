@@ -11,14 +11,12 @@ from icmj.base.array import (
     argmax_abs,
     argsort_descending,
     at_or_after,
-    balance,
-    compute_exponential,
     count_steps,
     find_range,
     is_between,
     list_multiples,
-    propagate,
 )
+from icmj.base.balancing import balance, compute_exponential, propagate
 from icmj.cycle.cycle import Cycle
 from icmj.plant.linear_plant import LinearPlant
 from icmj.theory.eigenstructure import compute_eigenstructure

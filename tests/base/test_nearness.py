@@ -2,7 +2,7 @@
 
 import pytest
 
-from icmj.base.text import find_nearest, suggest
+from icmj.base.similar_names import find_nearest, suggest
 
 NAMES = ("delta_min", "q_t", "Q_t", "threshold", "system-matched")
 

@@ -73,7 +73,7 @@ def table(model: type[BaseModel]) -> st.SearchStrategy[dict[str, Any]]:
 def test_any_tables_are_read_or_refused_in_words_for_people(data: dict[str, Any]) -> None:
     from pydantic import ValidationError
 
-    from icmj.runfile.table import in_words
+    from icmj.runfile.messages import in_words
 
     try:
         RunFile.model_validate(data)

@@ -11,8 +11,9 @@ from pydantic import ValidationError
 from icmj.base.array import NonNegative, Positive, Seed
 from icmj.errors import ModelError
 from icmj.runfile.editor_schema import docstrings
+from icmj.runfile.messages import in_words
 from icmj.runfile.shapes.noise import NoiseTable
-from icmj.runfile.table import TomlTable, check_by, in_words, keys_of, make
+from icmj.runfile.table import TomlTable, check_by, keys_of, make
 
 
 @dataclass(frozen=True)

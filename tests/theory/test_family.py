@@ -23,7 +23,7 @@ from icmj.linear.run import simulate
 from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system
 from icmj.theory.event_maps import compute_jacobian
-from icmj.theory.reduction import divide_by_family, list_mixtures
+from icmj.theory.orbit_family import divide_by_family, list_mixtures
 
 
 def orthogonal(rng, size):

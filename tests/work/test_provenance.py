@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from icmj.work.folder import find_commit, provenance
+from icmj.work.provenance import find_commit, provenance
 
 IDENTITY = ("-c", "user.name=a", "-c", "user.email=a@example.org", "-c", "protocol.file.allow=always")
 git_is_here = pytest.mark.skipif(shutil.which("git") is None, reason="no git here")

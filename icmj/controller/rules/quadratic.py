@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from icmj.base.array import RELATIVE_ROUNDING, Array, NonNegative, Positive, Weight, compute_balanced_modes, real
+from icmj.base.array import RELATIVE_ROUNDING, Array, NonNegative, Positive, Weight, real
+from icmj.base.balancing import compute_balanced_modes
 from icmj.controller.design import Design, output_weight
 from icmj.controller.trigger import EventRule, Faces, check_delta_min
 from icmj.errors import AnalysisError

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from icmj.base.instants import ONE_INSTANT, one
 from icmj.base.references import refer
-from icmj.base.roots import ONE_INSTANT, one
 from icmj.engine.native.field import drive, flow, forward
 from icmj.engine.native.memory import (
     address,

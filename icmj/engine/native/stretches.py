@@ -22,8 +22,9 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+from icmj.base.instants import ONE_INSTANT
 from icmj.base.references import refer
-from icmj.base.roots import ONE_INSTANT, evaluate
+from icmj.base.roots import evaluate
 from icmj.engine.block import Slot
 from icmj.engine.native.field import flow, forward
 from icmj.engine.native.memory import address, bare, compiled, engine_function, entry, exact, merged, sources

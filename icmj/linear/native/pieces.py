@@ -23,8 +23,9 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.compilation import compiled, entry, hash_contents, inlined, merged
+from icmj.base.instants import ONE_INSTANT
 from icmj.base.references import refer
-from icmj.base.roots import DEEPEST, ONE_INSTANT
+from icmj.base.roots import DEEPEST
 from icmj.linear.native.motion import (
     EVENT,
     FALL,

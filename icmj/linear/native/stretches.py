@@ -18,8 +18,9 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.compilation import compiled, entry, exact, hash_contents, merged
+from icmj.base.instants import ONE_INSTANT
 from icmj.base.references import refer
-from icmj.base.roots import ONE_INSTANT, evaluate, first_root, largest
+from icmj.base.roots import evaluate, first_root, largest
 from icmj.simulation.native.loop import (
     ARRIVED,
     EDGE,

@@ -14,7 +14,8 @@ from functools import cache
 from typing import Any
 
 from icmj.base.catalogue import Catalogue
-from icmj.base.text import one_line, suggest
+from icmj.base.similar_names import suggest
+from icmj.base.text import one_line
 from icmj.errors import DataError, RunFileError
 from icmj.measurement.measure import Measure, Number, Of, Option
 from icmj.work.own_code import Code

@@ -14,9 +14,10 @@ import numpy as np
 
 from icmj.base.array import LARGEST
 from icmj.errors import RunFileError
+from icmj.runfile.messages import short
 from icmj.runfile.place import PlaceTable
 from icmj.runfile.shapes import kind_of_course
-from icmj.runfile.table import OWN, Parameters, Reference, keys_of, short
+from icmj.runfile.table import OWN, Parameters, Reference, keys_of
 from icmj.runfile.target import TargetTable
 from icmj.simulation.sources import Sinusoids
 from icmj.work.own_code import Code, digest_of, pick_accepted

@@ -61,7 +61,7 @@ from pathlib import Path
 import numpy as np
 
 from icmj.base.compilation import hash_contents, inlined, merged
-from icmj.base.roots import ONE_INSTANT, one
+from icmj.base.instants import ONE_INSTANT, one
 
 
 class Status(IntEnum):

@@ -23,7 +23,8 @@ from math import comb
 import numpy as np
 
 from icmj.base.compilation import compiled, inlined, merged
-from icmj.base.roots import ONE_INSTANT, evaluate, first_root
+from icmj.base.instants import ONE_INSTANT
+from icmj.base.roots import evaluate, first_root
 from icmj.simulation.native.loop import (
     ACTED,
     EDGE,
