@@ -195,7 +195,8 @@ def _rings(swept: SweepTable) -> str:
 def _caption(plant: str) -> str:
     return (
         f"Relative error of the linear theory’s interval, {_plant(plant)}, with contours at 0.1, 1 and 10 %. "
-        "Hatched: where the run fell, settled on another motion, or had not settled when it ended."
+        "Where there is no colour, the run fell (crossed), settled on another motion (hatched), or had not settled "
+        "when it ended (dotted)."
     )
 
 
