@@ -121,7 +121,6 @@ class Engine(NamedTuple):
     value: Array
     waves: Array
     k: Array
-    sum: Array
     limited: np.ndarray
     low: Array
     high: Array
@@ -300,7 +299,6 @@ def engine_of(model: mujoco.MjModel, data: mujoco.MjData, phase: Array, smooth: 
         value=data.actuator_moment,
         waves=np.full(int(controller[Slot.SIGNALS]) + 2, np.nan),
         k=np.empty((4, size)),
-        sum=np.empty(size),
         limited=limited,
         low=low,
         high=high,

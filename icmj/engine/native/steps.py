@@ -126,22 +126,19 @@ def _lean_runge_kutta(engine, progress, length, end):  # type: ignore[no-untyped
     then brought back to unit length.
     """
     k, saved = engine.k, engine.saved
-    nq, nv, na = len(engine.qpos), len(engine.qvel), len(engine.act)
     for stage in range(1, 5):
-        sum = engine.sum
-        for i in range(nq + nv + na):
-            if stage < 3:
-                sum[i] = k[stage - 1, i] * 0.5
-            elif stage == 3:
-                sum[i] = k[2, i]
-            else:
-                sum[i] = k[0, i] * (1 / 6) + k[1, i] * (1 / 3) + k[2, i] * (1 / 3) + k[3, i] * (1 / 6)
-        for i in range(nq):
-            engine.qpos[i] = saved[i] + sum[i] * length
-        for i in range(nv):
-            engine.qvel[i] = saved[nq + i] + sum[nq + i] * length
-        for i in range(na):
-            engine.act[i] = saved[nq + nv + i] + sum[nq + nv + i] * length
+        at = 0
+        for part in (engine.qpos, engine.qvel, engine.act):
+            for i in range(len(part)):
+                j = at + i
+                if stage < 3:
+                    rate = k[stage - 1, j] * 0.5
+                elif stage == 3:
+                    rate = k[2, j]
+                else:
+                    rate = k[0, j] * (1 / 6) + k[1, j] * (1 / 3) + k[2, j] * (1 / 3) + k[3, j] * (1 / 6)
+                part[i] = saved[j] + rate * length
+            at += len(part)
         if stage == 4:
             for i in range(len(engine.limited)):
                 at = engine.limited[i]
