@@ -1,8 +1,11 @@
 """Whatever a user's own class does wrong is told as its mistake in one line, and never as one of icmj."""
 
+import subprocess
+import sys
 from textwrap import indent
 
 import pytest
+from patience import PATIENCE
 
 from icmj import load_run, prepare
 from icmj.errors import IcmjError
@@ -92,3 +95,14 @@ def test_a_parameter_of_any_name_is_the_class_s_own_business(prepared):
     """One that it cannot take is refused by it."""
     with pytest.raises(IcmjError, match=r"own:Own fails \(TypeError"):
         prepared("", "parameters = { self = 1 }")
+
+
+@pytest.mark.parametrize("status", [0, 3])
+def test_one_that_ends_the_process_leaves_its_status_and_nothing_half_written(tmp_path, status):
+    """Nothing of icmj runs after ``os._exit``, so nothing can be said; what is documented is all that is left."""
+    (tmp_path / "own.py").write_text(LAW + f"    def facts(self):\n        import os\n        os._exit({status})\n")
+    (tmp_path / "run.toml").write_text(RUN.format(""))
+    command = [sys.executable, "-m", "icmj.cli", "run", "run.toml", "--allow-code"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=PATIENCE)
+    assert (done.returncode, done.stdout, done.stderr) == (status, "", "")
+    assert not [path for path in tmp_path.rglob("*") if path.suffix in (".rrd", ".html", ".json")]
