@@ -748,7 +748,7 @@ def measured(*words):
     (first, second) = json.loads(says("measure", "sway.csv", "--json", *words))["coordinates"]
     return first
 def refuses(words, *given):
-    said = says("measure", "sway.csv", *given, status=2)
+    said = says("measure", "sway.csv", "--quiet", *given, status=2)
     assert words in said and "\\n" not in said, said
 def experiment(name, table="", case='run = "simple-0.8"', **options):
     head = '[experiment]\\nname = "e"\\nplants = ["linear"]\\nrepetitions = 2\\n[[case]]\\n'
@@ -959,7 +959,7 @@ import icmj.cli
 from icmj.cli.main import main
 def refuses(words, status=2):
     with contextlib.redirect_stderr(io.StringIO()) as err:
-        assert main(words.split()) == status, words
+        assert main([*words.split(), "--quiet"]) == status, words
     assert err.getvalue().startswith("icmj: ") and err.getvalue().count("\\n") == 1, err.getvalue()
     return err.getvalue()
 for words, said in (
