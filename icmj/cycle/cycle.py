@@ -20,6 +20,7 @@ from icmj.cycle.return_map import LostInterval, PlantKind, ReturnMap, Turn
 from icmj.errors import CycleError, prefix_errors
 
 Start = Literal["auto", "prediction", "simulation"]
+Verdict = Literal["attracting", "family", "marginal", "repelling"]
 LONGEST = 20.0  # of the first guess's intervals: a flight this long without an event does not come back
 _SAME = 1e-7  # relative: a state that closes this well after fewer events shows the shorter period
 
@@ -92,6 +93,13 @@ class Cycle:
         return bool(np.abs(self.isolated).max(initial=0.0) < 1 - RELATIVE_ROUNDING)
 
     @property
+    def verdict(self) -> Verdict:
+        """What runs beside it do: settle on it, settle beside it on others of its family, or leave it."""
+        if self.attracting:
+            return "family" if self.alternating else "attracting"
+        return "marginal" if np.abs(self.isolated).max(initial=0.0) <= 1 + RELATIVE_ROUNDING else "repelling"
+
+    @property
     def name(self) -> str:
         """A description, such as ``mirrored period-2 cycle``."""
         return f"{'mirrored ' if self.mirrored else ''}period-{self.events} cycle"
@@ -99,20 +107,17 @@ class Cycle:
     @property
     def words(self) -> str:
         """The cycle in one sentence."""
-        largest = float(np.abs(self.isolated).max(initial=0.0))
-        edge = abs(largest - 1) <= RELATIVE_ROUNDING
-        kind = "attracting" if self.attracting else "marginal" if edge else "repelling"
+        kind = {"attracting": "An attracting", "family": "A", "marginal": "A marginal", "repelling": "A repelling"}
         rhythm = ", ".join(f"{interval:.6g}" for interval in self.intervals)
         told = f", modulo {self.neutral} neutral" if self.neutral else ""
-        told += ", modulo the family of cycles of unequal intervals that it is one of" if self.alternating else ""
-        told += ", which is 1 up to rounding, so that attraction cannot be decided" if edge else ""
+        if self.alternating:
+            settle = ", on another of which a run that starts beside it settles" if self.verdict == "family" else ""
+            told += f", modulo the family of cycles of unequal intervals that it is one of{settle}"
+        if self.verdict == "marginal":
+            told += ", which is 1 up to rounding, so that attraction cannot be decided"
         return (
-            (
-                f"An {kind} {self.name} of {self.period:.6g} s, open-loop interval {rhythm} s, largest multiplier "
-                f"{abs(self.isolated[0]):.4g}{told}."
-            )
-            .replace("An repelling", "A repelling")
-            .replace("An marginal", "A marginal")
+            f"{kind[self.verdict]} {self.name} of {self.period:.6g} s, open-loop interval {rhythm} s, largest "
+            f"multiplier {abs(self.isolated[0]):.4g}{told}."
         )
 
 

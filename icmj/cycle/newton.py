@@ -79,7 +79,7 @@ def solve_newton(
         r, turn = residual(z)
     except LostInterval as lost:
         raise CycleError(f"no cycle: the first guess does not come back; {lost}") from lost
-    G, fresh, neutral = None, False, 0
+    G, fresh, neutral = None, False, None
     history = [float(np.abs(r).max())]
     for _ in range(MOST):
         if history[-1] <= FLOOR or (history[-1] <= closed and len(history) > 1 and history[-1] > 0.1 * history[-2]):
@@ -109,6 +109,8 @@ def solve_newton(
             progress(float(np.clip(gained / lacking, 0, 1)))
     if not history[-1] <= closed:
         raise CycleError(_explain_failure(loop, turn, history))
+    if neutral is None:  # the first guess was close enough
+        _, neutral = solve_shortest(sign * derivative(turn) * D - np.eye(len(z)), -r)
     return ClosedCycle(z, turn, history[-1], tuple(history), neutral)
 
 

@@ -149,11 +149,13 @@ def test_eigenvalues_of_one_size_come_in_one_order(seed: int) -> None:
 def cycle(multiplier: float) -> Any:
     """What of a cycle says whether it attracts."""
     values = np.array([multiplier, 0.5], complex)
-    return SimpleNamespace(
+    found = SimpleNamespace(
         multipliers=values, isolated=values, neutral=0, alternating=False, name="period-1 cycle", period=1.0,
         intervals=np.ones(1),
-        attracting=np.abs(values).max() < 1 and cast(Any, Cycle.attracting).fget(SimpleNamespace(isolated=values)),
     )  # fmt: skip
+    for name in ("attracting", "verdict"):
+        setattr(found, name, cast(Any, getattr(Cycle, name)).fget(found))
+    return found
 
 
 def test_a_multiplier_on_the_circle_but_for_rounding_does_not_attract_and_says_so() -> None:

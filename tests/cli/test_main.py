@@ -73,6 +73,42 @@ def test_analyse_json_has_nulls_and_the_stability_of_either_feedback(root, shell
         assert found["continuous_stable"] == {"state_feedback": stable, "observer_feedback": True}
 
 
+STILL = [
+    "design.R_c=0.01", "design.R_o=1e-4", "controller.Q_t=identity", "controller.hold=zero-order", "actual.gain=1.3",
+]  # fmt: skip
+TWINS = """
+[case]
+name = "twins"
+title = "Two equal pendulums"
+[assumed]
+A = [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1], [0, 0, 1, 0]]
+B = [[1, 0], [0, 0], [0, 1], [0, 0]]
+C = [[0, 1, 0, 0], [0, 0, 0, 1]]
+[actual]
+gain = 0.8
+[design]
+R_c = 0.1
+R_o = 0.01
+[controller]
+q_t = 0.01
+"""
+
+
+def test_cycle_and_analyse_say_family_of_one_and_the_same_orbit(tmp_path, shell):
+    """``cycle --json`` said ``attracting`` of cycles beside which runs settle on others."""
+    (tmp_path / "alike.toml").write_text(TWINS, encoding="utf-8")
+    still = ["simple-1.2", *(word for change in STILL for word in ("--set", change))]
+    for given, verdict in (
+        (still, "family"),
+        ([str(tmp_path / "alike.toml")], "family"),
+        (["simple-0.8"], "attracting"),
+    ):
+        found = shell.answers(["cycle", *given, "--plant", "linear", "--json"])
+        assert (found["verdict"], found["attracting"]) == (verdict, verdict == "attracting")
+        assert found["prediction"]["verdict"] == verdict
+        assert found["words"].startswith("An attracting") or verdict == "family"
+
+
 def test_analyse_prints_a_table(root, shell):
     shown = shell.says(["analyse", str(root / "runs" / "three-link-0.9.toml")])
     assert "0.759379 s" in shown

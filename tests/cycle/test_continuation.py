@@ -57,7 +57,9 @@ def test_on_a_family_nothing_bifurcates_and_every_cycle_says_that_it_is_one_of_t
     assert off.max() < (3e-4 if delay else 1e-5)
     alone = find_cycle(icmj.prepare(run), plant)
     assert (alone.attracting, alone.alternating, len(alone.isolated)) == (True, True, 5 if delay else 3)
-    assert "one of" in alone.words
+    assert alone.verdict == "family"
+    assert alone.words.startswith("A mirrored period-2 cycle")
+    assert "settles" in alone.words
     assert found.largest[0] == pytest.approx(np.abs(alone.isolated).max(), abs=1e-4)
     np.testing.assert_array_equal(unpack(*pack(found)).alternating, found.alternating)
 

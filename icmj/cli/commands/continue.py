@@ -138,7 +138,7 @@ def _show_branch(branch: Branch, out: Terminal) -> None:
         peaks = (amount(peak, unit, 4) for peak, unit in zip(branch.y_peak[i], branch.units, strict=True))
         rows.append((
             f"{branch.value[i]:.6g}", intervals, f"{branch.period[i]:.6g}", *peaks, amount(branch.largest[i], "", 4),
-            "attracting" if branch.attracting[i] else "repelling",
+            ("family" if branch.alternating[i] else "attracting") if branch.attracting[i] else "repelling",
         ))  # fmt: skip
     title = f"{branch.run.title}: {branch.name} ({branch.plant})"
     show_table(columns, rows, out, title=title, sections=[row for row, i in enumerate(shown) if i in marks])

@@ -76,10 +76,14 @@ def _plain_cycle(found: Cycle, case: Case, prediction: Prediction) -> dict[str, 
     from icmj.base.numbers import plain
 
     assumed, actual = case.assumed.linearisation.plant, case.actual.linearisation.plant
+    # several equal eigenvalues make a family, too, whose directions are among the neutral ones of the cycle
+    kin = found.attracting and found.neutral and prediction.family is not None
+    verdict = "family" if kin else found.verdict
     return plain(
         {
             "plant": found.plant,
-            "attracting": found.attracting,
+            "attracting": verdict == "attracting",
+            "verdict": verdict,
             "mirrored": found.mirrored,
             "events": found.events,
             "interval": found.interval,
@@ -123,8 +127,9 @@ def _show_cycle(found: Cycle, case: Case, prediction: Prediction, out: Terminal)
         expected = amount(None if orbit is None else orbit.y_peak[i], unit)
         rows.append((f"peak of {name}", amount(found.y_peak[i], unit), expected))
     theirs = () if prediction.multipliers is None else tuple(prediction.multipliers)
-    if found.alternating:  # the one that the theory leaves out
-        theirs = tuple(sorted((*theirs, 1.0 + 0j), key=abs, reverse=True))
+    if theirs:  # with those that the theory leaves out
+        left_out = (1.0 + 0j,) * found.alternating + (found.sign + 0j,) * found.neutral
+        theirs = tuple(sorted((*theirs, *left_out), key=abs, reverse=True))
     for i, value in enumerate(found.multipliers[:4]):
         error = found.multiplier_errors[i]
         expected = _write_multiplier(theirs[i]) if i < len(theirs) else "–"
