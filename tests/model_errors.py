@@ -14,6 +14,7 @@ import json
 import sys
 from collections import Counter
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -32,6 +33,18 @@ SAME = 1e-6  # relative: an interval so near to the target is that, and not a ju
 SLOW = (0.8, 0.995)  # largest multipliers of cycles that attract slowly
 JITTER, READING = 1e-3, 0.01  # s; of the size of an output: standard deviations of the errors that are added
 KINDS = ("log", "times", "samples", "exact")
+ALIKE = 20  # motions of one loop, whose predictions are computed once
+DRAWN = 101  # values of b of a loop at which its cycle is looked at
+
+
+@lru_cache
+def pendulum() -> icmj.RunFile:
+    """simple-0.8 by the matrices of its model, of which a case is made in half the time."""
+    run = icmj.load_run("simple-0.8")
+    plant = icmj.prepare(run).assumed.linearisation.plant
+    given = {"model": None, "keyframe": None, "states": plant.states, "inputs": plant.inputs, "outputs": plant.outputs}
+    given |= {letter: getattr(plant, letter).tolist() for letter in "ABC"}
+    return run.with_(**{f"assumed.{key}": value for key, value in given.items()}, **{"simulation.timestep": None})
 
 
 def random_unknown(rng: np.random.Generator, number: int) -> Unknown:
@@ -39,7 +52,7 @@ def random_unknown(rng: np.random.Generator, number: int) -> Unknown:
     delay = float(rng.uniform(0.02, 0.15)) if number % 2 else 0.0
     weights = {"design.R_c": 10 ** rng.uniform(-1, 1), "design.R_o": 10 ** rng.uniform(-1, 0.5)}
     changes = weights | {"assumed.delay": delay, "simulation.duration": 60.0, "actual.gain": None}
-    return Unknown(icmj.load_run("simple-0.8").with_(**changes), low=RANGE[0], high=RANGE[1], longest=LONGEST)
+    return Unknown(pendulum().with_(**changes), low=RANGE[0], high=RANGE[1], longest=LONGEST)
 
 
 def scan(inverse: Inverse) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -88,17 +101,31 @@ def check_targets(seed: int, number: int, targets: int) -> Counter[str]:
     return counted
 
 
-def draw_value(rng: np.random.Generator, unknown: Unknown, slow: bool) -> float | None:
-    """A random b whose cycle attracts, slowly if that is asked for; ``None`` if a hundred draws give none."""
-    for _ in range(100):
-        value = float(rng.uniform(unknown.low, unknown.high))
-        case = unknown.case(value)
-        found = None if case is None else case.prediction
-        if found is None or not found.cycle or found.verdict != "attracting" or found.multipliers is None:
-            continue
-        if not slow or SLOW[0] < np.abs(found.multipliers).max() < SLOW[1]:
-            return value
-    return None
+@lru_cache(maxsize=1)
+def take_loop(seed: int, number: int) -> tuple[Unknown, Inverse, np.ndarray]:
+    """A loop with its predictions, and the largest multiplier of its cycle over the range of b; NaN without one."""
+    unknown = random_unknown(np.random.default_rng([seed, number, 1]), number)
+    sizes = [find_multiplier(unknown, float(value)) for value in np.linspace(*RANGE, DRAWN)]
+    return unknown, Inverse(replace(unknown, longest=2 * LONGEST)), np.array(sizes)
+
+
+def find_multiplier(unknown: Unknown, value: float) -> float:
+    """The largest multiplier of the predicted cycle, NaN where none attracts."""
+    case = unknown.case(value)
+    found = None if case is None else case.prediction
+    if found is None or found.verdict != "attracting" or found.multipliers is None:
+        return float("nan")
+    return float(np.abs(found.multipliers).max())
+
+
+def draw_value(rng: np.random.Generator, unknown: Unknown, sizes: np.ndarray, slow: bool) -> float | None:
+    """A random b whose cycle attracts, slowly if that is asked for; ``None`` if there is none."""
+    inside = np.flatnonzero((sizes > SLOW[0]) & (sizes < SLOW[1]) if slow else np.isfinite(sizes))
+    if not len(inside):
+        return None
+    values = np.linspace(*RANGE, DRAWN)
+    value = float(values[rng.choice(inside)] + (values[1] - values[0]) * rng.uniform(-0.5, 0.5))
+    return value if np.isfinite(find_multiplier(unknown, value)) else None
 
 
 def observe(run: icmj.Simulation, kind: str, rng: np.random.Generator) -> Observed:
@@ -121,15 +148,16 @@ def observe(run: icmj.Simulation, kind: str, rng: np.random.Generator) -> Observ
 
 def identify_again(seed: int, number: int) -> tuple[str, Identification, float, bool] | None:
     """The kind of the observation, what is found, the true b, and whether its cycle was to attract slowly."""
-    rng = np.random.default_rng([seed, number, 1])
-    unknown, kind, slow = random_unknown(rng, number // len(KINDS)), KINDS[number % len(KINDS)], rng.uniform() < 0.5
-    value = draw_value(rng, unknown, slow)
+    rng = np.random.default_rng([seed, number, 2])
+    unknown, known, sizes = take_loop(seed, number // ALIKE)
+    kind, slow = KINDS[number % len(KINDS)], rng.uniform() < 0.5
+    value = draw_value(rng, unknown, sizes, slow)
     if value is None:
         return None
     run = icmj.simulate(icmj.prepare(unknown.at(value)), "linear")
     if run.outcome.kind != "completed" or len(run.events) < 15:
         return None
-    return kind, identify(unknown, observe(run, kind, rng)), value, slow
+    return kind, identify(unknown, observe(run, kind, rng), known=known), value, slow
 
 
 def check_motion(seed: int, number: int) -> Counter[str]:
@@ -149,13 +177,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--loops", type=int, default=10, help="loops with twenty targets each")
     parser.add_argument("--motions", type=int, default=400)
+    parser.add_argument("--first", type=int, default=0, help="the number of the first motion")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     counted: Counter[str] = Counter()
     for number in range(given.loops):
         counted += check_targets(given.seed, number, 20)
         print(number + 1, dict(counted), flush=True)
-    for number in range(given.motions):
+    for number in range(given.first, given.first + given.motions):
         counted += check_motion(given.seed, number)
         if (number + 1) % 10 == 0:
             print(number + 1, dict(counted), flush=True)

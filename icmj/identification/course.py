@@ -8,6 +8,7 @@ amplitude and shape: the sum of squares has, where only these errors are between
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -108,6 +109,7 @@ class Course:
         # events need not come more evenly than a rhythm that has settled
         self._loose = max(observed.jitter, SETTLED * self._interval) if self._events else observed.jitter
         self._like: Case | None = None
+        self._near = lru_cache(maxsize=2)(self._find_near)  # of the value and of one a step away
         self._ran: tuple[tuple[float, ...], Simulation | None] = ((), None)
 
     def fit(self, value: float, counts: tuple[int, ...] = ()) -> Fit | None:
@@ -139,7 +141,7 @@ class Course:
         choices = ((begin, side) for side in (1, -1) for begin in begins)
         return min(choices, key=lambda each: self._cost(self._vector(each[0], each[1], count)))
 
-    def _near(self, value: float) -> tuple[Case, Theory, Orbit] | None:
+    def _find_near(self, value: float) -> tuple[Case, Theory, Orbit] | None:
         """The case with the predicted orbit that is nearest to the rhythm; of those that attract, if any does."""
         case = self._case(value)
         if case is None or case.theory is None or case.theory.prediction.orbit is None:
