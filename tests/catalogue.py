@@ -5,7 +5,8 @@ matched, a zero-order or another hold, a delay or none, which is predicted, in p
 some are two plants side by side, on whose orbits two faces are reached together. Beside each orbit that is admissible,
 0.1 % of its size off it, a run of 200 events is started: it comes back, leaves, or settles beside, as the verdict says.
 What a run and the verdict differ in may be slow, or a deviation that grows at first. Such an orbit is looked at again
-from a hundredth of the distance, for 1,000 events. With ``--starts``, runs begin at small states instead, and each
+from a hundredth of the distance, for 1,000 events; where these are too few, their differences have to fall or grow by
+the largest multiplier from one event to the next. With ``--starts``, runs begin at small states instead, and each
 cycle of one event, or of two that mirror each other, that one settles on has to be in the catalogue.
 """
 
@@ -56,6 +57,9 @@ BACK, GONE = 0.1, 10.0  # of the distance that a run begins at, at its end: has 
 CLOSER = 10  # times as near: from there a neighbour of a family is as much nearer, another orbit is where it was
 STILL = 1e-11  # of the size of the orbit: what rounding leaves between two events of a motion that has settled
 ROUNDING = 1e-9  # of the size of the orbit: a distance that need not fall any more
+FAR = 0.3  # of the size of the orbit: what has been so far away has left
+PART = 10  # events after which a run is looked at: what has left may have a thousand events in each interval
+ALIKE = 0.2  # of what is missing to 1: so far may a growth per event be from the multiplier
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,16 +135,26 @@ def _with_hold(rng: np.random.Generator, actual: LinearPlant, design: Design, tw
 def fly(loop: Loop, found: PredictedOrbit, off: np.ndarray, events: int) -> tuple[np.ndarray, np.ndarray] | None:
     """The states at events of a run that begins ``off`` an orbit, and their distances from it, in its size.
 
-    ``None`` where the run ends early.
+    ``None`` where the run ends early, or gets far away.
     """
     orbit = found.orbit
-    size = float(np.linalg.norm(orbit.x_bar))
-    run = loop.run(whole(loop.system, orbit.x_bar + size * off), (events + 2) * orbit.delta)
-    at = loop.states(run, len(off)) / size
-    if run.outcome.kind != "completed" or len(at) < events // 2:
-        return None
-    at = at[: events - 1]
-    return at, np.minimum(*(np.linalg.norm(at - s * orbit.x_bar / size, axis=1) for s in (1, -1)))
+    size, left = float(np.linalg.norm(orbit.x_bar)), (events + 2) * orbit.delta
+    at = [orbit.x_bar / size + off]
+    gap: list[float] = []
+    while left > 0 and len(gap) < events - 1:
+        # a run begins with an event, and so goes on from one
+        run = loop.run(whole(loop.system, size * at[-1]), min(left, (PART + 0.5) * orbit.delta))
+        if run.outcome.kind != "completed":
+            return None
+        if not len(run.events):
+            break
+        left -= run.events.t[-1]
+        for state in loop.states(run, len(off)) / size:
+            at.append(state)
+            gap.append(min(float(np.linalg.norm(state - s * orbit.x_bar / size)) for s in (1, -1)))
+        if max(gap) > FAR:
+            return None
+    return None if len(gap) < events // 2 else (np.array(at[1:events]), np.array(gap[: events - 1]))
 
 
 def look(loop: Loop, found: PredictedOrbit, rng: np.random.Generator, away: float, events: int) -> str:
@@ -154,17 +168,27 @@ def look(loop: Loop, found: PredictedOrbit, rng: np.random.Generator, away: floa
         return "gone"
     at, gap = flown
     last, middle = (float(gap[k - 5 : k].max()) for k in (len(gap), len(gap) // 2))
+    if last < BACK * away and (last < 0.9 * middle or last < ROUNDING):
+        return "back"
     # mirrored or not, what settles is as two events before, or is on its way to it
     closing, before = (np.linalg.norm(at[k] - at[k - 2]) for k in (-1, len(at) // 2))
-    if closing < 1e-3 * last and closing < max(0.9 * before, STILL) and last >= BACK * away:
+    if closing < 1e-3 * last and closing < max(0.9 * before, STILL):
         nearer = fly(loop, found, away / CLOSER * off / np.linalg.norm(off), events)
         beside = nearer is not None and nearer[1][-5:].max() < last / np.sqrt(CLOSER)
         return "beside" if beside else "gone"
-    if last > GONE * away or gap.max() > 0.3:
+    if last > GONE * away:
         return "gone"
-    if last < BACK * away and (last < 0.9 * middle or last < ROUNDING):
-        return "back"
     return "unclear"
+
+
+def measure_growth(loop: Loop, found: PredictedOrbit, rng: np.random.Generator) -> float | None:
+    """By which factor from one event to the next a run near an orbit comes to rest, or is driven away."""
+    off = rng.normal(size=len(found.orbit.x_bar))
+    flown = fly(loop, found, AWAY / NEARER * off / np.linalg.norm(off), EVENTS * AGAIN)
+    if flown is None:
+        return None
+    moved = np.linalg.norm(flown[0][2:] - flown[0][:-2], axis=1)[len(flown[0]) // 2 :]
+    return float(np.exp(np.polyfit(np.arange(len(moved)), np.log(np.maximum(moved, 1e-300)), 1)[0]))
 
 
 SAID = {"attracting": "back", "repelling": "gone", "family": "beside"}
@@ -180,7 +204,14 @@ def judge(loop: Loop, found: PredictedOrbit, seed: int) -> tuple[str, str]:
         seen = look(loop, found, np.random.default_rng(seed), away, events)
         if seen == wanted or (wanted, seen) == ("beside", "back"):
             return seen, "agrees"
-    return seen, "unclear" if seen == "unclear" else "differs"
+    growth, multiplier = measure_growth(loop, found, np.random.default_rng(seed)), found.multiplier
+    if growth is not None and multiplier is not None:
+        seen = f"{seen}, {growth:.7g} per event"
+        if abs(growth - multiplier) < ALIKE * abs(1 - multiplier):
+            return seen, "agrees"
+    # so many events do not change what is multiplied by so nearly 1
+    slow = multiplier is not None and abs(multiplier - 1) * EVENTS * AGAIN < 1
+    return seen, "unclear" if slow or seen.startswith("unclear") else "differs"
 
 
 def check_orbits(seed: int, number: int) -> Iterator[dict[str, object]]:
