@@ -21,17 +21,24 @@ def lists(n: int) -> pa.Table:
     return pa.table({"a": pa.ListArray.from_arrays(pa.array([0, n], pa.int32()), pa.array(np.zeros(n)))})
 
 
+def many_rows() -> pa.Table:
+    return pa.table({"a": np.zeros(5_000_000)})
+
+
 BOMBS = {
-    "rows": (pa.table({"a": np.zeros(5_000_000)}), "5000000 rows; expected at most 1000000"),
-    "one long row": (lists(5_000_000), "40 MB of data; expected at most 10 MB"),
-    "text": (pa.table({"a": pa.array(["x" * 10**6]).take(pa.array(np.zeros(1000, int)))}), "MB of data; expected"),
+    "rows": (many_rows, "5000000 rows; expected at most 1000000"),
+    "one long row": (lambda: lists(5_000_000), "40 MB of data; expected at most 10 MB"),
+    "text": (
+        lambda: pa.table({"a": pa.array(["x" * 10**6]).take(pa.array(np.zeros(1000, int)))}),
+        "MB of data; expected",
+    ),
 }
 
 
 @pytest.mark.parametrize("name", BOMBS)
 def test_a_few_kilobytes_do_not_become_gigabytes(name: str) -> None:
     table, words = BOMBS[name]
-    packed = content(table)
+    packed = content(table())
     assert len(packed) < 1e5
     before = pa.total_allocated_bytes()
     tracemalloc.start()
@@ -52,8 +59,9 @@ def test_what_is_within_bounds_is_read_as_pyarrow_reads_it(many: int) -> None:
     assert read_parquet(packed, 70_000, 1e7, ["b"]).column_names == ["b"]
 
 
-@pytest.mark.parametrize("cut", [b"", b"PAR1", b"PAR1" + bytes(100) + b"PAR1", content(BOMBS["rows"][0])[:-30]])
-def test_what_is_no_parquet_file_is_one_kind_of_error(cut: bytes) -> None:
+@pytest.mark.parametrize("cut", [b"", b"PAR1", b"PAR1" + bytes(100) + b"PAR1", None])
+def test_what_is_no_parquet_file_is_one_kind_of_error(cut: bytes | None) -> None:
+    cut = content(many_rows())[:-30] if cut is None else cut  # a sound one, cut short
     with pytest.raises(ValueError, match=r".+") as caught:
         read_parquet(cut, 10, 1e6)
     assert "\n" not in str(caught.value)

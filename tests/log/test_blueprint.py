@@ -1,5 +1,6 @@
 """The arrangement as it stands in the file: every view has something to show."""
 
+import functools
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,6 +32,10 @@ def entities(path: Path) -> set[str]:
     return {chunk.entity_path for chunk in RrdReader(path).store().stream()}
 
 
+VARIANTS = ("with figures", "without figures", "alone", "no prediction", "standing", "continuous")
+
+
+@functools.cache
 def variants() -> dict[str, Result]:
     usual, plant = made_up(duration=6.0)
     nothing = dict.fromkeys(("delta_crit", "eigenvalue", "period", "gamma", "amplitude", "orbit", "V_inv"))
@@ -45,7 +50,7 @@ def variants() -> dict[str, Result]:
     }
 
 
-@pytest.mark.parametrize("name", variants())
+@pytest.mark.parametrize("name", VARIANTS)
 def test_every_view_has_something_to_show(name: str, tmp_path: Path) -> None:
     write_log(variants()[name], tmp_path / "x.rrd")
     views, logged = arranged(tmp_path / "x.rrd"), entities(tmp_path / "x.rrd")

@@ -1,5 +1,6 @@
 """What is in the file, read with rerun's and Arrow's own means, and that it is there whole or not at all."""
 
+import functools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -159,6 +160,12 @@ def test_a_minute_of_the_three_link_fits_in_ten_megabytes(tmp_path: Path) -> Non
     assert (tmp_path / "minute.rrd").stat().st_size < 10e6
 
 
+OTHER_KINDS = (
+    "no events", "one row", "diverged", "diverged, with figures", "no prediction", "clock", "continuous", "no growth",
+)  # fmt: skip
+
+
+@functools.cache
 def other_kinds() -> dict[str, Result]:
     """Results that lack what the usual one has."""
     result, plant = made_up(duration=3.0)
@@ -189,7 +196,7 @@ def other_kinds() -> dict[str, Result]:
     }
 
 
-@pytest.mark.parametrize("kind", other_kinds())
+@pytest.mark.parametrize("kind", OTHER_KINDS)
 def test_every_kind_of_result_is_logged(kind: str, tmp_path: Path) -> None:
     result = other_kinds()[kind]
     write_log(result, tmp_path / "x.rrd")
