@@ -3,10 +3,8 @@
 
 Intermittent control of a standing person, written with numpy, SciPy, MuJoCo, python-control and rerun alone: the model,
 its linearisation, the design, the theory's critical interval, the simulation with events, and the comparison. Events
-are looked for once a step, and are late by up to one; the package does the same for any model, controller and delay,
-and locates them. ``CONTRIBUTING.md`` lists its files in the order of these steps.
-
-Run it with ``python examples/by_hand.py``; it writes ``by_hand.rrd``, which ``rerun by_hand.rrd`` shows.
+are looked for once a step, and late by up to one; the package locates them, for any model, controller and delay.
+``CONTRIBUTING.md`` lists its files in this order. The example writes ``by_hand.rrd``, which ``rerun by_hand.rrd`` shows.
 """
 
 from pathlib import Path
