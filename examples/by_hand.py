@@ -4,7 +4,7 @@
 Intermittent control of a standing person, written with numpy, SciPy, MuJoCo, python-control and rerun alone: the model,
 its linearisation, the design, the theory's critical interval, the simulation with events, and the comparison. Events
 are looked for once a step, and late by up to one; the package locates them, for any model, controller and delay.
-``CONTRIBUTING.md`` lists its files in this order. The example writes ``by_hand.rrd``, which ``rerun by_hand.rrd`` shows.
+``CONTRIBUTING.md`` lists its files in this order. It writes ``by_hand.rrd``, which ``rerun by_hand.rrd`` shows.
 """
 
 from pathlib import Path

@@ -45,6 +45,7 @@ class Given:
 
 POSITIONAL, FOLDER, PAGE = Given(positional=True), Given(writes=()), Given(writes=(".html",))
 PROCESSES = Given(least=1)
+ALSO = "Also"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +57,7 @@ class Command(ABC):
     """
 
     group: ClassVar[str]
-    """The heading under which ``icmj --help`` lists it."""
+    """The heading under which ``icmj --help`` lists it; of ``ALSO``, its name alone."""
 
     quiet: Annotated[bool, Given(short="-q")] = False
     """Print results and errors only, without progress and notes."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 
 from icmj.base.similar_names import suggest
-from icmj.cli.arguments import Command
+from icmj.cli.arguments import ALSO, Command
 from icmj.cli.commands import COMMANDS
 from icmj.cli.parsing import COMPLETION, STYLE, Parser, fill
 from icmj.errors import IcmjError
@@ -16,15 +16,16 @@ _SHELLS = ("bash", "zsh", "tcsh")
 
 
 def write_overview() -> str:
-    """The purpose of the program, and of each command in one sentence."""
+    """The purpose of the program, and of each command in one sentence; of what is seldom needed the names."""
     lines = ["usage: icmj COMMAND [OPTIONS]", "", *textwrap.wrap(" ".join(DESCRIPTION.split()), 78)]
     commands: dict[str, type[Command]] = {name: COMMANDS[name].COMMAND for name in COMMANDS.names}
-    for group in dict.fromkeys(cls.group for cls in commands.values()):
+    for group in dict.fromkeys(cls.group for cls in commands.values() if cls.group != ALSO):
         lines += ["", f"{group}:"]
         for name, cls in commands.items():
             if cls.group == group:
                 indent = f"  {name:<11}"
                 lines += textwrap.wrap(_find_purpose(cls), 78, initial_indent=indent, subsequent_indent=" " * 13)
+    lines += ["", f"{ALSO}: {', '.join(name for name, cls in commands.items() if cls.group == ALSO)}"]
     more = (
         ("icmj COMMAND --help", "options of a command, with an example"),
         ("icmj --version", "version"),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from icmj.base.text import one_line
-from icmj.cli.arguments import FOLDER, POSITIONAL, PROCESSES, RESULTS, Command, Given
+from icmj.cli.arguments import ALSO, FOLDER, POSITIONAL, PROCESSES, RESULTS, Command, Given
 from icmj.cli.progress import Working
 from icmj.cli.table import Column, show_table
 from icmj.errors import FitError
@@ -33,7 +33,7 @@ class FitCommand(Command):
     Example: icmj fit anna-1.csv anna-2.csv anna-3.csv --model event --model switching --out runs/out/anna
     """
 
-    group = "Use the logs"
+    group = ALSO
 
     recordings: Annotated[tuple[Path, ...], POSITIONAL] = ()
     """Recordings of one person (CSV, Parquet, npz, C3D), each of one trial or several; or of several people, where a

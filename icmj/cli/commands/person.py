@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from icmj.cli.arguments import POSITIONAL, Command, Given
+from icmj.cli.arguments import ALSO, POSITIONAL, Command, Given
 
 if TYPE_CHECKING:
     from icmj.cli.terminal import Terminal
@@ -19,7 +19,7 @@ class PersonCommand(Command):
     Example: icmj person three_link --height 1.65 --mass 60 --out person.xml
     """
 
-    group = "Begin"
+    group = ALSO
 
     model: Annotated[Path, POSITIONAL]
     """MJCF file with the bodies shank, thigh and trunk, or name of a shipped model."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from icmj.cli.arguments import POSITIONAL, Command, Given
+from icmj.cli.arguments import ALSO, POSITIONAL, Command, Given
 
 if TYPE_CHECKING:
     from icmj.cli.terminal import Terminal
@@ -19,7 +19,7 @@ class SchemaCommand(Command):
     Example: icmj schema run --out run.schema.json
     """
 
-    group = "Begin"
+    group = ALSO
 
     kind: Annotated[Literal["run", "sweep", "experiment", "family"], POSITIONAL] = "run"
     """Kind of file."""
