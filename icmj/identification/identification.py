@@ -103,8 +103,20 @@ def _identify(
         )
     whole = observed.whole and len(observed.times) >= FEWEST - 2
     if found is None and not whole:
-        why = "a set-point moves it" if unknown.run.setpoint else "the motion does not settle"
-        return _cannot(unknown, f"{why}; its initial state is not known, and the run file has no noise to explain it")
+        why, instead = (
+            ("a set-point moves it", "a log from the start on")
+            if unknown.run.setpoint
+            else ("the motion does not settle", "a longer record, or a log from the start on,")
+            if len(observed.times)
+            else (
+                "its outputs do not repeat themselves within their errors",
+                "a longer record, readings with smaller errors, or the times of its events",
+            )
+        )
+        return _cannot(
+            unknown,
+            f"{why}; its initial state is not known, and the run file has no noise to explain it; {instead} may",
+        )
     inverse = known
     if found is not None and (inverse is None or not inverse.reaches(found.interval)):
         inverse = Inverse.up_to(unknown, found)
@@ -165,13 +177,16 @@ def _from_rhythm(inverse: Inverse, observed: Observed, found: Rhythm, refine: bo
 def _from_sequence(unknown: Unknown, observed: Observed, plant: PlantKind, values: list[float]) -> Identification:
     course, few = Course(unknown, observed, plant), min(FEWEST - 1, len(observed.times))
     fits = [fit for value in values if (fit := course.fit(value, (2 * few,)))]
-    if not any(fit.off <= _BAD_FIT for fit in fits):
-        # later events are too far off where the value is; the first ones may be nearly those of another, too
-        start, grid = Course(unknown, observed, "linear"), np.linspace(unknown.low, unknown.high, POINTS)
-        for i in find_minima(np.array([start.distance(at, few) for at in grid])):
-            if fit := course.fit(float(grid[i]), tuple(few * 2**k for k in range(12))):
+    start, grid = Course(unknown, observed, "linear"), np.linspace(unknown.low, unknown.high, POINTS)
+    for first in range(few, 0, -1):
+        if any(map(_explains, fits)):
+            break
+        # later events are too far off where the value is; the first ones may be nearly those of another, too, and one
+        # that comes late is so far off on either side of the value that only those before it can be compared
+        for i in find_minima(np.array([start.distance(at, first) for at in grid])):
+            if fit := course.fit(float(grid[i]), tuple(range(first, few)) + tuple(few * 2**k for k in range(12))):
                 fits.append(fit)
-                if fit.off <= _BAD_FIT:
+                if _explains(fit):
                     break
     fit = min(fits, key=lambda fit: fit.cost, default=None)
     if fit is None or fit.off > _BAD_FIT:
@@ -185,6 +200,10 @@ def _from_sequence(unknown: Unknown, observed: Observed, plant: PlantKind, value
     words = f"{unknown.name} = {fit.value:.6g} ± {fit.error:.1g}, from {len(observed.times)} events since the start."
     interval = (fit.value - fit.error, fit.value + fit.error)
     return _complete(unknown, fit.value, (interval,), "sequence", words, how.probability)
+
+
+def _explains(fit: Fit) -> bool:
+    return fit.off <= _BAD_FIT and fit.agreement.fits
 
 
 def _complete(

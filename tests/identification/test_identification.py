@@ -19,6 +19,8 @@ PENDULUM = icmj.load_run("simple-0.8")
 BLIND = Unknown(PENDULUM.with_(**{"actual.gain": None}))
 FAR = Inverse(replace(BLIND, longest=8.0))
 WIDE = Inverse(replace(BLIND, high=1.6))
+# its cycles leave the output on one side, and move it little
+RIPPLE = PENDULUM.with_(**{"design.R_c": 6.237156619, "design.R_o": 0.3583997, "simulation.duration": 60.0})
 LOW = Inverse(replace(BLIND, low=0.4, high=0.7))
 
 
@@ -34,10 +36,20 @@ def test_events_since_the_start_tell_b_on_either_side_of_the_exact_model(b: floa
     assert found.holds(b)
 
 
-def test_an_exact_log_is_explained_where_other_values_explain_its_first_events_better() -> None:
-    """b = 1.11572 of a slow cycle was refused: on the grid the first three events are nearer to those of 1.25."""
-    weights = {"design.R_c": 9.488780519667834, "design.R_o": 0.2701365850908323, "simulation.duration": 60.0}
-    unknown, value = Unknown(PENDULUM.with_(**weights), low=0.4, high=2.0, longest=4.0), 1.1157174078676704
+@pytest.mark.parametrize(("value", "R_c", "R_o", "delay"), [
+    # slow: on the grid the first three events are nearer to those of 1.25
+    (1.1157174078676704, 9.488780519667834, 0.2701365850908323, 0.0),
+    # the third interval is 6.4 s, and other on the grid
+    (0.7823407075636001, 0.4614895283958323, 0.4350920083310742, 0.0),
+    # the second is 5.3 s; 1.1745 gives the times but not the outputs
+    (1.183453319330955, 0.16261506351287042, 0.3885904823288247, 0.02227856241633144),
+])  # fmt: skip
+def test_an_exact_log_is_explained_where_other_values_explain_its_first_events_better(
+    value: float, R_c: float, R_o: float, delay: float
+) -> None:
+    """Each of these was refused."""
+    changes = {"design.R_c": R_c, "design.R_o": R_o, "assumed.delay": delay, "simulation.duration": 60.0}
+    unknown = Unknown(PENDULUM.with_(**changes), low=0.4, high=2.0, longest=4.0)
     run = icmj.simulate(icmj.prepare(unknown.at(value)), "linear")
     found = identify(unknown, Observed.of_simulation(run))
     assert found.value == pytest.approx(value, rel=1e-9)
@@ -155,6 +167,25 @@ def test_a_sampled_output_has_the_rhythm_without_any_event(b: float) -> None:
     t = np.arange(10.0, 40.0, 0.04)
     found = identify(BLIND, Observed.of_samples(t, np.interp(t, run.t, run.y[:, 0])[:, None]), known=FAR)
     assert found.value == pytest.approx(b, rel=1e-4)
+
+
+def test_of_samples_that_errors_hide_the_answer_says_what_would_tell() -> None:
+    """That this motion does not settle, as was said, is wrong: its events tell b, and so do better readings."""
+    unknown, value = Unknown(RIPPLE, low=0.8, high=0.95, longest=8.0), 0.8882087791568766
+    run, t, known = motion(value, run=RIPPLE), np.arange(10.0, 60.0, 0.04), Inverse(unknown)
+    y = np.interp(t, run.t, run.y[:, 0])
+    error = 0.01 * np.abs(y).max() * np.random.default_rng(0).normal(size=len(t))
+    assert error.std() > y[len(y) // 2 :].std()
+    hidden, better = (
+        Observed.of_samples(t, (y + part * error)[:, None]).with_errors(0.0, part * error.std()) for part in (1.0, 0.1)
+    )
+    found = identify(unknown, hidden, known=known)
+    assert found.value is None
+    assert "do not repeat themselves within their errors" in found.words
+    assert "a longer record, readings with smaller errors, or the times of its events may" in found.words
+    for seen in (better, Observed.of_times(run.events.t[5:])):
+        found = identify(unknown, seen, known=known)
+        assert found.holds(value), found.words
 
 
 def test_any_field_and_any_named_change_can_be_unknown() -> None:
