@@ -50,6 +50,7 @@ class Cycle:
         neutral: number of directions in which the cycle is not isolated; their multipliers are ±1.
         alternating: whether it is a mirrored one of a family of cycles of two unequal intervals, as with a zero-order
             hold and no predicted delay; one multiplier is then +1 by the structure of the loop.
+        mixed: whether it is one of a family of mixtures of several shapes, whose directions are among the ``neutral``.
     """
 
     plant: PlantKind
@@ -69,6 +70,7 @@ class Cycle:
     interval_error: float = 0.0
     neutral: int = 0
     alternating: bool = False
+    mixed: bool = False
 
     @property
     def sign(self) -> int:
@@ -96,7 +98,7 @@ class Cycle:
     def verdict(self) -> Verdict:
         """What runs beside it do: settle on it, settle beside it on others of its family, or leave it."""
         if self.attracting:
-            return "family" if self.alternating else "attracting"
+            return "family" if self.alternating or self.mixed else "attracting"
         return "marginal" if np.abs(self.isolated).max(initial=0.0) <= 1 + RELATIVE_ROUNDING else "repelling"
 
     @property
@@ -110,9 +112,9 @@ class Cycle:
         kind = {"attracting": "An attracting", "family": "A", "marginal": "A marginal", "repelling": "A repelling"}
         rhythm = ", ".join(f"{interval:.6g}" for interval in self.intervals)
         told = f", modulo {self.neutral} neutral" if self.neutral else ""
-        if self.alternating:
-            settle = ", on another of which a run that starts beside it settles" if self.verdict == "family" else ""
-            told += f", modulo the family of cycles of unequal intervals that it is one of{settle}"
+        for kin, there in (("cycles of unequal intervals", self.alternating), ("mixtures of shapes", self.mixed)):
+            told += f", modulo the family of {kin} that it is one of" if there else ""
+        told += ", on another of which a run that starts beside it settles" if self.verdict == "family" else ""
         if self.verdict == "marginal":
             told += ", which is 1 up to rounding, so that attraction cannot be decided"
         return (
@@ -173,10 +175,11 @@ def find_cycle(
         guess = start
     loop = replace(loop, settings=replace(loop.settings, duration=LONGEST * guess.longest))
     try:
-        return solve_cycle(loop, guess, threads=threads, progress=lambda done: tell(begun + (1 - begun) * done))
+        found = solve_cycle(loop, guess, threads=threads, progress=lambda done: tell(begun + (1 - begun) * done))
     except CycleError as error:
         why = f"; of the predicted orbit: {orbit.reason}" if orbit and orbit.reason and start == "prediction" else ""
         raise CycleError(f"{case.run.path}: {error}{why}") from error
+    return replace(found, mixed=found.neutral > 0 and theory.prediction.family is not None)
 
 
 def solve_cycle(

@@ -76,14 +76,11 @@ def _plain_cycle(found: Cycle, case: Case, prediction: Prediction) -> dict[str, 
     from icmj.base.numbers import plain
 
     assumed, actual = case.assumed.linearisation.plant, case.actual.linearisation.plant
-    # several equal eigenvalues make a family, too, whose directions are among the neutral ones of the cycle
-    kin = found.attracting and found.neutral and prediction.family is not None
-    verdict = "family" if kin else found.verdict
     return plain(
         {
             "plant": found.plant,
-            "attracting": verdict == "attracting",
-            "verdict": verdict,
+            "attracting": found.verdict == "attracting",
+            "verdict": found.verdict,
             "mirrored": found.mirrored,
             "events": found.events,
             "interval": found.interval,
