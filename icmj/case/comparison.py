@@ -220,7 +220,9 @@ def _why_no_cycle(prediction: Prediction) -> str:
 def _multiplier(prediction: Prediction) -> str:
     if prediction.multipliers is None or not len(prediction.multipliers):
         return "multiplier unknown"
-    return f"largest multiplier {np.abs(prediction.multipliers).max():.2f}"
+    size = float(np.abs(prediction.multipliers).max())
+    # as many decimals as tell it from 1
+    return f"largest multiplier {size:.{max(2, int(np.ceil(-np.log10(abs(size - 1) + 1e-15))))}f}"
 
 
 def _describe_ending(measurement: Measurement, predicted: bool) -> str:

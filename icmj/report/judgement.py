@@ -14,7 +14,7 @@ _AS_PREDICTED = ("✓", "agrees", "settles on the predicted cycle")
 _NONE_AS_PREDICTED = ("✓", "none, agrees", "settles on no cycle, and none is predicted")
 _ANOTHER = ("○", "another cycle", "settles on a cycle that is not the predicted one")
 _UNPREDICTED = ("○", "another cycle", "settles on a cycle where linear theory predicts none")
-_MISSED = ("✗", "not reached", "does not settle, although the predicted cycle attracts")
+_MISSED = ("✗", "not reached", "does not settle on a cycle, although one is predicted")
 
 
 def judge_run(comparison: Comparison | None) -> tuple[str, str, str]:

@@ -176,7 +176,7 @@ CAPTION = (
 ARROW = "Arrow: the intervals grow without bound. "
 NOISE = "Line: mean and standard deviation of the intervals under noise. "
 PLANT = "Linear plant: the body’s own equations, linearised at the pose in which it is balanced. "
-WORDS = "✓ agrees with the prediction; ○ a cycle that is not predicted; ✗ a predicted, attracting cycle is not reached."
+WORDS = "✓ agrees with the prediction; ○ a cycle that is not predicted; ✗ a predicted cycle is not reached."
 
 
 def describe_overview(cases: Sequence[CaseRuns]) -> str:

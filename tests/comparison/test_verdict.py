@@ -32,12 +32,14 @@ def test_what_is_not_on_a_predicted_cycle_says_why(name, said):
         assert part in words
 
 
-def test_a_repelling_predicted_cycle_says_so():
+@pytest.mark.parametrize("size", ["1.19", "1.002"])
+def test_a_repelling_predicted_cycle_says_so(size):
+    """Of 1.002 it said 1.00."""
     found = result("b0.8")
-    prediction = replace(found.prediction, cycle=False, verdict="repelling", multipliers=np.array([1.19 + 0j]))
+    prediction = replace(found.prediction, cycle=False, verdict="repelling", multipliers=np.array([complex(size)]))
     lost = replace(found.measurement, kind="irregular", p=None, period=None)
     words = verdict_in_words(replace(found, prediction=prediction, measurement=lost), False)
-    assert "repelling (largest multiplier 1.19)" in words
+    assert f"repelling (largest multiplier {size})" in words
     assert "irregular" in words
 
 

@@ -71,6 +71,18 @@ def test_no_cycle_as_predicted_looks_like_agreement_and_a_circle_says_another():
     assert rows()["exact"]["paper"]["delta"] == "–"
 
 
+def test_of_a_family_that_is_not_reached_nothing_says_that_its_cycle_attracts():
+    """The mark said so, and the caption said "its orbit family"."""
+    found = result("b0.8")
+    lost = replace(found.measurement, kind="irregular", p=None, period=None)
+    cases = pair([replace(found, prediction=replace(found.prediction, verdict="family"), measurement=lost)])
+    (row,) = context_of("summary_table", cases)["rows"]
+    (shown,) = context_of("case_panels", cases)["cases"]
+    assert "attracts" not in f"{row['runs']} {row['verdicts']}"
+    assert row["runs"]["linear"]["word"] == "not reached"
+    assert shown["caption"].endswith("is predicted, one of a family.")
+
+
 def foot(page):
     return re.sub(r"<[^>]+>", "", page.partition("<footer>")[2].partition("</footer>")[0])
 

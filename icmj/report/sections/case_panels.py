@@ -117,7 +117,8 @@ def _figure_caption(case: CaseRuns) -> str:
     if not prediction.cycle:
         return text + "no limit cycle is predicted."
     period = numbers.number(prediction.period, 5)
-    return text + f"a limit cycle of period {period} s is predicted, its orbit {prediction.verdict}."
+    kind = "one of a family" if prediction.verdict == "family" else f"its orbit {prediction.verdict}"
+    return text + f"a limit cycle of period {period} s is predicted, {kind}."
 
 
 TEMPLATE = """\

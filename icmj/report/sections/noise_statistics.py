@@ -70,9 +70,10 @@ def _cycle_sentence(case: CaseRuns) -> str:
     prediction = case.prediction
     if not prediction.cycle:
         return "No cycle is predicted without noise."
+    kind = "one of a family" if prediction.verdict == "family" else prediction.verdict
     return (
         f"Without noise, the predicted cycle has Δ_crit = {numbers.number(prediction.delta_crit)} s and a period of "
-        f"{numbers.number(prediction.period)} s; its orbit is {prediction.verdict}."
+        f"{numbers.number(prediction.period)} s; its orbit is {kind}."
     )
 
 
