@@ -112,12 +112,15 @@ class Course:
         self._near = lru_cache(maxsize=2)(self._find_near)  # of the value and of one a step away
         self._ran: tuple[tuple[float, ...], Simulation | None] = ((), None)
 
-    def fit(self, value: float, counts: tuple[int, ...] = ()) -> Fit | None:
-        """The best value near this one, from the first ``counts`` events, and then from all that was observed."""
+    def fit(self, value: float, counts: tuple[int, ...] = (), most: float = np.inf) -> Fit | None:
+        """The best value near this one, from the first ``counts`` events, and then from all that was observed.
+
+        ``None`` without one, or where first events are farther off than ``most`` mean intervals.
+        """
         best: Fit | None = None
         for count in (*(each for each in counts if each < len(self._t)), len(self._t)):
             best = self._least(*self._start(best.value if best else value, count), count)
-            if best is None:
+            if best is None or best.off > most:
                 return None
         return best
 

@@ -183,8 +183,9 @@ def _from_sequence(unknown: Unknown, observed: Observed, plant: PlantKind, value
             break
         # later events are too far off where the value is; the first ones may be nearly those of another, too, and one
         # that comes late is so far off on either side of the value that only those before it can be compared
+        most = np.inf if first == few else _BAD_FIT
         for i in find_minima(np.array([start.distance(at, first) for at in grid])):
-            if fit := course.fit(float(grid[i]), tuple(range(first, few)) + tuple(few * 2**k for k in range(12))):
+            if fit := course.fit(float(grid[i]), tuple(range(first, few)) + tuple(few * 2**k for k in range(12)), most):
                 fits.append(fit)
                 if _explains(fit):
                     break
