@@ -1,5 +1,6 @@
 """What is meant where logs are named, and where results go: the same in every command."""
 
+import re
 import shutil
 from pathlib import Path
 from typing import get_args, get_type_hints
@@ -74,7 +75,7 @@ def test_one_log_of_a_case_is_that_in_mujoco_and_of_a_folder_none(results: Path)
 
 
 def test_every_command_that_takes_logs_asks_the_same(shell: Shell) -> None:
-    about = {name for name, of in COMMANDS.items() if "folder of logs" in _help(of) or "folders of logs" in _help(of)}
+    about = {name for name in SHELF.names if re.search("folders? of logs", _help(SHELF[name].COMMAND))}
     assert about == TAKE_LOGS.keys()
     Path("empty").mkdir()
     for command, more in TAKE_LOGS.items():
