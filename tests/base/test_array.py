@@ -150,8 +150,8 @@ def cycle(multiplier: float) -> Any:
     """What of a cycle says whether it attracts."""
     values = np.array([multiplier, 0.5], complex)
     found = SimpleNamespace(
-        multipliers=values, isolated=values, neutral=0, alternating=False, name="period-1 cycle", period=1.0,
-        intervals=np.ones(1),
+        multipliers=values, isolated=values, neutral=0, alternating=False, mixed=False, name="period-1 cycle",
+        period=1.0, intervals=np.ones(1),
     )  # fmt: skip
     for name in ("attracting", "verdict"):
         setattr(found, name, cast(Any, getattr(Cycle, name)).fget(found))
