@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from inspect import signature
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
 
 import numpy as np
 from pydantic import model_validator
 
 from icmj.base.array import Matrix, NonNegative, Numbers, Positive, Positives, Weight, real
+from icmj.base.similar_names import suggest
 from icmj.controller.controller import Controller
 from icmj.controller.delay import Delay
 from icmj.controller.design import Design
@@ -243,3 +244,12 @@ class Analysis(TomlTable):
     """Upper end of the search for crossings [s]."""
     allow: list[Fault | Line] = []
     """Kinds of notice that are reported instead of stopping the run as errors; other kinds never stop it."""
+
+    @model_validator(mode="after")
+    def _names_are_no_slips(self) -> Analysis:
+        """Kinds that never stop a run are not listed anywhere; what is nearly the name of one that does is a slip."""
+        known = get_args(Fault)
+        for kind in self.allow:
+            if kind not in known and (near := suggest(kind, known)):
+                raise ValueError(f"allow: no notice is called {kind!r}{near}")
+        return self

@@ -155,3 +155,6 @@ def test_a_run_file_names_every_kind_of_error_and_a_warning_needs_no_entry(root)
     assert run.with_(**{"analysis.allow": allowed}).analysis.allow == allowed
     with pytest.raises(RunFileError, match=r"allow\[0\]"):
         run.with_(**{"analysis.allow": [1]})
+    for slip, meant in (("not at rset", "not at rest"), ("kinks", "kink"), ("Friction", "dry friction")):
+        with pytest.raises(RunFileError, match=f"no notice is called '{slip}'; did you mean {meant}"):
+            run.with_(**{"analysis.allow": [slip]})
