@@ -43,13 +43,13 @@ def _expect_matrix(given: Array, what: str, shape: tuple[int, ...]) -> Array:
     return matrix
 
 
-def _expect_number(given: object, what: str, low: float, high: float = np.inf) -> float:
-    """A number of ``low`` or more, and less than ``high``.
+def _expect_number(given: object, what: str, low: float) -> float:
+    """A finite number of ``low`` or more.
 
     Raises:
         AnalysisError: if it is another.
     """
-    if isinstance(given, bool) or not isinstance(given, Real) or not low <= float(given) < high:
+    if isinstance(given, bool) or not isinstance(given, Real) or not low <= float(given) < np.inf:
         raise AnalysisError(f"{what} is {one_line(repr(given), 60)}; expected a finite number of at least {low:g}")
     return float(given)
 

@@ -31,10 +31,9 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 FORMAT = 1
 _KEY = b"icmj branch"
 _MOST_BYTES, _MOST_CYCLES = 400e6, 1_000_000
-COLUMNS = (
-    *("value", "intervals", "states", "y_peak", "y_range", "multipliers", "closure", "graze"),
-    *("t", "x", "y", "u", "qpos"),
-)
+OF_POINTS = ("value", "intervals", "states", "y_peak", "y_range", "multipliers", "closure", "graze")
+ALONG = ("x", "y", "u", "qpos")
+COLUMNS = (*OF_POINTS, "t", *ALONG)
 _LISTED = ("scale", "alternating")
 
 

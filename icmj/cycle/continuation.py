@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.case.case import Theory, expect_theory, prepare
-from icmj.cycle.branch import Branch, SpecialPoint
+from icmj.cycle.branch import ALONG, OF_POINTS, Branch, SpecialPoint
 from icmj.cycle.curve import Curve, Miss, Range, correct
 from icmj.cycle.cycle import LONGEST, Start, close_cycle
 from icmj.cycle.family import ReturnMaps
@@ -69,12 +70,8 @@ def follow(
     curve = Curve(family, over, guess.p, guess.sign, guess.scale, _size(family, over.start))
     curve.longest = LONGEST * guess.longest
     loop = curve.loop(0.0)
-    try:
+    with prefix_errors(run.path):
         found = close_cycle(loop, guess)
-    except CycleError as error:
-        raise CycleError(f"{run.path}: {error}") from error
-    if any(loop.has_collapsed(interval) for interval in found.turn.intervals):
-        raise CycleError(f"{run.path}: no cycle of the event rule, because an interval has decreased to the least one")
     N = len(found.z)
     row = np.append(np.zeros(N), 1.0)
     unit = curve.unit(loop)
@@ -174,6 +171,8 @@ def join_branch(curve: Curve, walked: Walk, run: RunFile, neutral: int) -> Branc
     def laid(name: str) -> Array:
         return np.array([np.concatenate([getattr(sample, name) for sample in at.samples]) for at in points])
 
+    parts: dict[str, Any] = {name: laid(name) for name in ALONG}
+    parts |= {name: np.array([getattr(at, name) for at in points]) for name in (*OF_POINTS, "alternating")}
     starts = [np.concatenate([[0.0], np.cumsum(at.intervals)[:-1]]) for at in points]
     t = [
         np.concatenate([s + sample.t for s, sample in zip(begin, at.samples, strict=True)])
@@ -184,22 +183,10 @@ def join_branch(curve: Curve, walked: Walk, run: RunFile, neutral: int) -> Branc
         parameter=curve.family.parameter.name,
         plant=curve.family.plant,
         mirrored=curve.sign < 0,
-        value=np.array([at.value for at in points]),
-        intervals=np.array([at.intervals for at in points]),
-        states=np.array([at.states for at in points]),
         scale=curve.scale,
-        y_peak=np.array([at.y_peak for at in points]),
-        y_range=np.array([at.y_range for at in points]),
-        multipliers=np.array([at.multipliers for at in points]),
-        closure=np.array([at.closure for at in points]),
-        graze=np.array([at.graze for at in points]),
         neutral=neutral,
-        alternating=np.array([at.alternating for at in points]),
         t=np.array(t),
-        x=laid("x"),
-        y=laid("y"),
-        u=laid("u"),
-        qpos=laid("qpos"),
+        **parts,
         outputs=plant.outputs,
         inputs=plant.inputs,
         names=plant.states,

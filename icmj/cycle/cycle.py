@@ -15,7 +15,7 @@ from icmj.case.case import Case, expect_rule, expect_theory
 from icmj.case.plants import linear_plant
 from icmj.cycle.guess import Guess, guess_from_prediction, guess_from_simulation
 from icmj.cycle.jacobian import compute_jacobian, compute_multipliers, difference_jacobian
-from icmj.cycle.newton import CLOSED, ClosedCycle, solve_newton, solve_shortest
+from icmj.cycle.newton import ClosedCycle, solve_newton, solve_shortest
 from icmj.cycle.return_map import LostInterval, PlantKind, ReturnMap, Turn
 from icmj.errors import CycleError, prefix_errors
 
@@ -175,59 +175,42 @@ def find_cycle(
         guess = start
     loop = replace(loop, settings=replace(loop.settings, duration=LONGEST * guess.longest))
     try:
-        found = solve_cycle(loop, guess, threads=threads, progress=lambda done: tell(begun + (1 - begun) * done))
+        found = solve_cycle(loop, guess, lambda done: tell(begun + (1 - begun) * done), threads)
     except CycleError as error:
         why = f"; of the predicted orbit: {orbit.reason}" if orbit and orbit.reason and start == "prediction" else ""
         raise CycleError(f"{case.run.path}: {error}{why}") from error
     return replace(found, mixed=found.neutral > 0 and theory.prediction.family is not None)
 
 
-def solve_cycle(
-    loop: ReturnMap,
-    guess: Guess,
-    *,
-    threads: int = 1,
-    closed: float = CLOSED,
-    progress: Callable[[float], None] | None = None,
-) -> Cycle:
-    """The cycle nearest to ``guess``, with multipliers by differences of flights.
-
-    Raises:
-        CycleError: if there is none.
-    """
-    p, sign = guess.p, guess.sign
-    scale = guess.scale
-
-    found = close_cycle(loop, guess, closed, None if progress is None else lambda done: progress(0.6 * done))
-    if any(loop.has_collapsed(interval) for interval in found.turn.intervals):
-        least = loop.controller.least
-        raise CycleError(f"no cycle of the event rule, because an interval has decreased to the least one, {least:g} s")
-    found, p, sign = reduce_period(loop, found, p, sign, scale)
-    return describe_cycle(loop, found, p, sign, scale, threads=threads)
-
-
-def close_cycle(
-    loop: ReturnMap, guess: Guess, closed: float = CLOSED, progress: Callable[[float], None] | None = None
-) -> ClosedCycle:
+def close_cycle(loop: ReturnMap, guess: Guess, progress: Callable[[float], None] | None = None) -> ClosedCycle:
     """The cycle nearest to ``guess`` without its multipliers.
 
     Raises:
-        CycleError: if there is none.
+        CycleError: if there is none, or the event rule no longer ends one of its intervals.
     """
 
     def derivative(turn: Turn) -> Array:
         return compute_jacobian(loop, turn, guess.scale)
 
-    return solve_newton(
-        loop, guess.z, guess.scale, derivative, p=guess.p, sign=guess.sign, closed=closed, progress=progress
-    )
+    found = solve_newton(loop, guess.z, guess.scale, derivative, p=guess.p, sign=guess.sign, progress=progress)
+    if any(loop.has_collapsed(interval) for interval in found.turn.intervals):
+        least = loop.controller.least
+        raise CycleError(f"no cycle of the event rule, because an interval has decreased to the least one, {least:g} s")
+    return found
 
 
-def describe_cycle(loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scale: Array, *, threads: int = 1) -> Cycle:
-    """The results for a cycle that Newton's method found."""
+def solve_cycle(loop: ReturnMap, guess: Guess, progress: Callable[[float], None], threads: int = 1) -> Cycle:
+    """The cycle nearest to ``guess``, with multipliers by differences of flights.
+
+    Raises:
+        CycleError: if there is none.
+    """
+    scale = guess.scale
+    found = close_cycle(loop, guess, lambda done: progress(0.6 * done))
+    found, p, sign = reduce_period(loop, found, guess.p, guess.sign, scale)
     J = difference_jacobian(loop, found.z, scale, p, threads=threads, rounding=found.closure)
     values, errors = compute_multipliers(J, scale)
-    peak, spread = measure_extent(found.turn, sign)
+    peak, spread = found.turn.extent(sign)
     return Cycle(
         plant=loop.kind,
         events=p if sign > 0 else 2 * p,
@@ -247,12 +230,6 @@ def describe_cycle(loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scale
         neutral=found.neutral,
         alternating=loop.is_alternating(p, sign),
     )
-
-
-def measure_extent(turn: Turn, sign: int) -> tuple[Array, Array]:
-    """Peak magnitude and peak to peak of the outputs over the whole period, shapes (n_y,)."""
-    peak = np.maximum(np.abs(turn.y_max), np.abs(turn.y_min))
-    return peak, (turn.y_max - turn.y_min if sign > 0 else 2 * peak)
 
 
 def estimate_interval_error(loop: ReturnMap, found: ClosedCycle, p: int, sign: int, scale: Array, J: Array) -> float:

@@ -26,7 +26,6 @@ class ReturnMaps:
 
     Attributes:
         run, parameter, plant: what of.
-        built: how many loops were built.
     """
 
     def __init__(
@@ -34,7 +33,6 @@ class ReturnMaps:
     ) -> None:
         """Create the family; plants and design of the case ``like`` are reused."""
         self.run, self.parameter, self.plant = run, parameter, plant
-        self.built = 0
         self.held = any(key.endswith(".delay") for key in parameter.keys)  # one z along the branch, whatever the delay
         self._loops = OpenLoops()
         self._known: dict[str, tuple[Any, Any]] = {}
@@ -56,8 +54,7 @@ class ReturnMaps:
             IcmjError: if the run file does not allow the value, or there is no loop of it.
         """
         run = self.parameter.put(self.run, value)
-        self.built += 1
-        assumed = self._make_assumed(run)
+        assumed: AnyPlant = self._once("assumed", self._bare(run), lambda: assumed_plant(run))
         actual: AnyPlant = self._once(
             "actual", self._bodies(run), lambda: self._regain(run) or actual_plant(run, assumed)
         )
@@ -88,10 +85,6 @@ class ReturnMaps:
         here, factor = plant.linearisation, after / before
         turned = replace(here, plant=here.plant.scaled(factor), ports=replace(here.ports, b=here.ports.b * factor))
         return replace(plant, linearisation=replace(turned, D=here.D * factor))
-
-    def _make_assumed(self, run: RunFile) -> AnyPlant:
-        plant: AnyPlant = self._once("assumed", self._bare(run), lambda: assumed_plant(run))
-        return plant
 
     @staticmethod
     def _bare(run: RunFile) -> Any:

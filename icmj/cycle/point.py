@@ -8,12 +8,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from icmj.base.array import Array, argsort_descending
+from icmj.base.array import Array
 from icmj.cycle.curve import Correction, Curve
-from icmj.cycle.cycle import measure_extent
 from icmj.cycle.jacobian import compute_jacobian, get_courses
 from icmj.cycle.return_map import ReturnMap
 from icmj.simulation.course import Sample
+from icmj.theory.event_maps import compute_multipliers
 
 NODES = 97  # at which an interval is kept
 EARLY = 1.6  # by how much they crowd at its beginning, where the event has stirred up fast modes
@@ -95,7 +95,7 @@ def make_point(curve: Curve, found: Correction, tolerance: float | None = None, 
     else:
         J = map_of(curve, D)
     samples = tuple(along.sample(along.cuts[-1] * np.linspace(0, 1, NODES) ** EARLY) for along in courses)
-    peak, spread = measure_extent(turn, curve.sign)
+    peak, spread = turn.extent(curve.sign)
     return Point(
         u=found.u,
         value=curve.range.value(float(found.u[-1])),
@@ -104,7 +104,7 @@ def make_point(curve: Curve, found: Correction, tolerance: float | None = None, 
         y_peak=peak,
         y_range=spread,
         J=J,
-        multipliers=compute_eigenvalues(J),
+        multipliers=compute_multipliers(J),
         closure=found.closure,
         graze=max(_graze(loop, sample) for sample in samples),
         slope=min(
@@ -128,7 +128,7 @@ def add_derivative(curve: Curve, at: Point) -> Point:
 def update_derivative(curve: Curve, at: Point, D: Array) -> Point:
     """The point with a newly interpolated derivative."""
     J = map_of(curve, D)
-    return replace(at, D=D, J=J, multipliers=compute_eigenvalues(J))
+    return replace(at, D=D, J=J, multipliers=compute_multipliers(J))
 
 
 def map_of(curve: Curve, D: Array) -> Array:
@@ -136,12 +136,6 @@ def map_of(curve: Curve, D: Array) -> Array:
     scale = curve.scale
     J: Array = curve.sign * (D[:, :-1] + np.eye(len(scale))) * (scale[:, None] / scale[None, :])
     return J
-
-
-def compute_eigenvalues(J: Array) -> NDArray[np.complex128]:
-    """Eigenvalues by decreasing magnitude, shape (N,)."""
-    values = np.linalg.eigvals(J).astype(complex)
-    return values[argsort_descending(np.abs(values), values.real, values.imag)]
 
 
 def _graze(loop: ReturnMap, sample: Sample) -> float:

@@ -71,6 +71,11 @@ class Turn:
     y_min: Array
     rows: tuple[Array, ...] = ()
 
+    def extent(self, sign: int) -> tuple[Array, Array]:
+        """Peak magnitude and peak to peak of the outputs over the whole period, shapes (n_y,)."""
+        peak = np.maximum(np.abs(self.y_max), np.abs(self.y_min))
+        return peak, (self.y_max - self.y_min if sign > 0 else 2 * peak)
+
 
 class Flights(Protocol):
     """The interface that a search for cycles needs: :class:`ReturnMap`, or the map of another controller."""

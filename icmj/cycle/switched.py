@@ -242,7 +242,7 @@ def find_switched_cycle(
     J = difference_jacobian(loop, found.z, scale, p, rounding=found.closure)
     values, errors = compute_multipliers(J, scale)
     turn, switches = loop.flight(found.z, p)
-    peak = np.maximum(np.abs(turn.y_max), np.abs(turn.y_min))
+    peak, spread = turn.extent(sign)
     return SwitchedCycle(
         law=law,
         period=float(turn.intervals.sum()) * (1 if sign > 0 else 2),
@@ -250,7 +250,7 @@ def find_switched_cycle(
         states=turn.states,
         switches=switches,
         y_peak=peak,
-        y_range=2 * peak if sign < 0 else turn.y_max - turn.y_min,
+        y_range=spread,
         multipliers=values,
         multiplier_errors=errors,
         closure=found.closure,

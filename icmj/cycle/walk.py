@@ -157,7 +157,7 @@ class _Walker:
         if lands or abs(direction[-1]) > _ACROSS:
             row = np.append(np.zeros(len(u) - 1), 1.0)
         found = correct(curve, u, D, row, self.bound_closure(last))
-        if isinstance(found, Miss) or self.has_jumped(found.turn.intervals, u):
+        if isinstance(found, Miss) or self.has_jumped(found.turn.intervals):
             self.closing = (
                 self.closing or not isinstance(found, Miss) or found.lost is not None or is_touching(self.points)
             )
@@ -186,7 +186,7 @@ class _Walker:
         """Sufficient residual, limited by the rounding errors that the map magnifies."""
         return max(CLOSED, _ROUNDING * float(np.abs(near.D[:, :-1]).max()))
 
-    def has_jumped(self, intervals: Array, u: Array) -> bool:
+    def has_jumped(self, intervals: Array) -> bool:
         """Whether another cycle was found, or events have changed places."""
         return bool((np.abs(intervals / self.points[-1].intervals - 1) > _JUMP).any())
 

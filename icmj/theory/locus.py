@@ -36,7 +36,7 @@ class Locus:
         return np.abs(self.eigenvalues).max(axis=1)
 
 
-def follow_locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS, prepared: Flow | None = None) -> Locus:
+def follow_locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS) -> Locus:
     """The eigenvalue branches on (t_d, ``delta_max``] at equal steps, followed on a finer grid where needed.
 
     Where φ grows beyond what numbers hold, the range ends before.
@@ -45,7 +45,6 @@ def follow_locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS,
         system: the error system.
         delta_max: end of the range [s].
         points: how many steps at least; the next power of two is taken.
-        prepared: the flow of ``system``, if at hand.
 
     Raises:
         AnalysisError: if ``delta_max`` is not positive and finite, or so far off that not one step is computable.
@@ -55,7 +54,7 @@ def follow_locus(system: ErrorSystem, delta_max: float, *, points: int = POINTS,
     t_d = system.delay.t_d
     if delta_max <= t_d:
         raise AnalysisError(f"no interval is shorter than the delay, {t_d:g} s; the locus must end beyond it")
-    phi_t = prepared or make_flow(system.A_C)
+    phi_t = make_flow(system.A_C)
     with np.errstate(over="ignore", invalid="ignore"):
         delta, states = phi_t.trajectory(system.entry, delta_max - t_d, points)
         phi = system.exit @ states[1:]
