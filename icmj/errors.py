@@ -96,8 +96,8 @@ class FitError(IcmjError):
 
 
 @contextmanager
-def prefix_errors(path: Path) -> Iterator[None]:
-    """Errors within the block begin with the path of the run file that they are about."""
+def prefix_errors(path: Path | str) -> Iterator[None]:
+    """Errors within the block begin with the path of the file that they are about."""
     try:
         yield
     except IcmjError as error:

@@ -71,9 +71,7 @@ class Accuracy:
         }
 
 
-def list_facts(
-    loop: ComposedLoop, steps: Stepping, schedule: Schedule, record: Record, seconds: float
-) -> dict[str, float | int | str]:
+def list_facts(loop: ComposedLoop, steps: Stepping, record: Record, seconds: float) -> dict[str, float | int | str]:
     """The facts of a run on its integration."""
     found: dict[str, float | int | str] = {
         "integrator": mujoco.mjtIntegrator(loop.model.opt.integrator).name.removeprefix("mjINT_"),

@@ -12,7 +12,7 @@ from icmj.plant.person import ANKLE_HEIGHT, SEGMENTS, Person
 JOINTS = ("ankle", "knee", "hip")
 
 
-def shape(spec: mujoco.MjSpec, model: mujoco.MjModel, person: Person, name: str) -> mujoco.MjModel:
+def shape(spec: mujoco.MjSpec, model: mujoco.MjModel, person: Person) -> mujoco.MjModel:
     """Give the bodies ``shank``, ``thigh`` and ``trunk`` of ``spec`` the measures of ``person``, upwards along z.
 
     What is placed on a body (geoms, sites) grows with it. The joints ``ankle``, ``knee`` and ``hip`` get its passive
@@ -20,13 +20,13 @@ def shape(spec: mujoco.MjSpec, model: mujoco.MjModel, person: Person, name: str)
     the height. ``model`` is what the spec compiles to; returns what it then compiles to.
 
     Raises:
-        ModelError: if the model lacks one of the bodies or joints; it begins with ``name``.
+        ModelError: if the model lacks one of the bodies or joints.
     """
     bodies = {body.name: body for body in spec.bodies}
     joints = {joint.name: joint for joint in spec.joints}
     missing = [f"body {b!r}" for b in SEGMENTS if b not in bodies] + [f"joint {j!r}" for j in JOINTS if j not in joints]
     if missing:
-        raise ModelError(f"{name}: a person is put into a model of shank, thigh and trunk; it has no {missing[0]}")
+        raise ModelError(f"a person is put into a model of shank, thigh and trunk; it has no {missing[0]}")
     write_derived(spec, model)
     write_inertia(spec, model)
     names = list(SEGMENTS)

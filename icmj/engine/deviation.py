@@ -10,7 +10,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.engine.model_edits import lengthen, write_derived, write_inertia
-from icmj.errors import ModelError
+from icmj.errors import ModelError, prefix_errors
 from icmj.plant.body import Change, What
 
 _OUTSIDE = ("input_gain", "sensor_gain", "sensor_bias")  # not in the model but at the plant's ports
@@ -40,14 +40,13 @@ class Deviation:
     changes: tuple[Change, ...] = ()
     edit: Edit | None = None
 
-    def apply(self, spec: mujoco.MjSpec, model: mujoco.MjModel, name: str) -> mujoco.MjModel:
+    def apply(self, spec: mujoco.MjSpec, model: mujoco.MjModel) -> mujoco.MjModel:
         """Apply the changes to the spec, except those of inputs and sensors, which are applied there.
 
         ``model`` is what the spec compiles to; returns what it then compiles to.
 
         Raises:
-            ModelError: if the model has no element of a given name, or a number does not fit; the message begins with
-                ``name``.
+            ModelError: if the model has no element of a given name, or a number does not fit.
         """
         short = [Change("dynprm", actuator, value=tuple(values)) for actuator, values in self.dynprm.items()]
         inside = [change for change in (*short, *self.changes) if change.what not in _OUTSIDE]
@@ -59,21 +58,18 @@ class Deviation:
             try:
                 _apply(spec, change, self.rho)
             except (ValueError, mujoco.FatalError) as error:
-                raise ModelError(f"{name}: change of {change.what}: {' '.join(str(error).split())}") from error
-            except ModelError as error:
-                raise ModelError(f"{name}: {error}") from error
+                raise ModelError(f"change of {change.what}: {' '.join(str(error).split())}") from error
         if self.edit is not None:
             try:
                 self.edit(spec, self.rho)
             except (Exception, SystemExit) as error:  # whatever the user's code raises
-                raise ModelError(f"{name}: edit: {type(error).__name__}: {' '.join(str(error).split())}") from error
+                raise ModelError(f"edit: {type(error).__name__}: {' '.join(str(error).split())}") from error
         if not inside and self.edit is None:
             return model
         try:
             return spec.compile()
         except (ValueError, mujoco.FatalError) as error:
-            reason = " ".join(str(error).split())
-            raise ModelError(f"{name}: the changed model does not compile: {reason}") from error
+            raise ModelError(f"the changed model does not compile: {' '.join(str(error).split())}") from error
 
     def input_gains(self, inputs: Sequence[str], chosen: Sequence[int], name: str) -> Array:
         """Input gain b of each actuator that is ``chosen`` from ``inputs``, in this order, shape (n_u,).
@@ -114,10 +110,8 @@ class Deviation:
                     raise ModelError(f"{name}: no {kind} {change.of!r} to change; it has {known}")
                 at = list(range(len(values)) if change.of is None else places[change.of])
                 if isinstance(change.value, Sequence):  # a list is for the entries of one sensor
-                    try:
+                    with prefix_errors(name):
                         values[at] = change(values[at], self.rho)
-                    except ModelError as error:
-                        raise ModelError(f"{name}: {error}") from error
                 else:
                     values[at] = [change(value, self.rho) for value in values[at]]
         return values

@@ -131,8 +131,6 @@ def _within_force(model: mujoco.MjModel, rows: Array, ctrl: Array) -> tuple[Arra
 
 def _moments(data: mujoco.MjData, nv: int) -> np.ndarray:
     """Whether each actuator acts on each degree of freedom, shape (nu, nv)."""
-    acts = np.zeros((len(data.moment_rownnz), nv), dtype=bool)
-    for row, first, count in zip(acts, data.moment_rowadr, data.moment_rownnz, strict=True):
-        entries = slice(first, first + count)
-        row[data.moment_colind[entries]] = data.actuator_moment[entries] != 0
-    return acts
+    moments, rows = np.zeros((len(data.moment_rownnz), nv)), (data.moment_rownnz, data.moment_rowadr)
+    mujoco.mju_sparse2dense(moments, data.actuator_moment, *rows, data.moment_colind)
+    return moments != 0

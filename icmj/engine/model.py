@@ -16,7 +16,7 @@ from icmj.engine.activations import activate, select_muscles
 from icmj.engine.body_measures import shape
 from icmj.engine.deviation import Deviation
 from icmj.engine.isolation import isolate_engine
-from icmj.errors import ModelError
+from icmj.errors import ModelError, prefix_errors
 from icmj.plant.activation import Activation
 from icmj.plant.person import Person
 
@@ -87,25 +87,9 @@ def _copy_at(model: mujoco.MjModel, point: OperatingPoint) -> mujoco.MjModel:
     return model
 
 
-def load_spec(
-    path: Path,
-    deviation: Deviation | None = None,
-    person: Person | None = None,
-    activation: Activation | None = None,
-    inputs: Sequence[str] | None = None,
-) -> mujoco.MjSpec:
-    """The model of an MJCF file with the measures of ``person`` and then what ``deviation`` changes in it.
-
-    Between the two its ``inputs``, all actuators by default, get the lags of ``activation``. The file itself is not
-    touched.
-
-    Gains of inputs and sensors are not in the model; see :mod:`icmj.engine.ports`.
-
-    Raises:
-        ModelError: if the file is missing, is not MJCF, does not compile, or person, activation or deviation do not
-            fit it.
-    """
-    return load_model(path, deviation, person, activation, inputs)[0]
+def load_spec(path: Path, deviation: Deviation | None = None, person: Person | None = None) -> mujoco.MjSpec:
+    """The spec as :func:`load_model` gives it, without activation."""
+    return load_model(path, deviation, person)[0]
 
 
 @isolate_engine()
@@ -116,7 +100,18 @@ def load_model(
     activation: Activation | None = None,
     inputs: Sequence[str] | None = None,
 ) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
-    """The spec as :func:`load_spec` gives it, and what it compiles to."""
+    """The model of an MJCF file with the measures of ``person`` and then what ``deviation`` changes in it.
+
+    Between the two its ``inputs``, all actuators by default, get the lags of ``activation``. The file itself is not
+    touched. Gains of inputs and sensors are not in the model; see :mod:`icmj.engine.ports`.
+
+    Returns:
+        the spec, and what it compiles to.
+
+    Raises:
+        ModelError: if the file is missing, is not MJCF, does not compile, or person, activation or deviation do not
+            fit it.
+    """
     path = Path(path)
     if not path.is_file():
         raise ModelError(f"{path}: no such model file")
@@ -130,17 +125,15 @@ def load_model(
         # constraints as they are stated, which this integrator can take; else they would hang on each step of a run
         for option in (spec.option, model.opt):
             option.disableflags = int(option.disableflags) | int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
-    if person is not None:
-        model = shape(spec, model, person, path.name)
-    if activation is not None:
-        names = name_inputs(model)
-        try:
+    with prefix_errors(path.name):
+        if person is not None:
+            model = shape(spec, model, person)
+        if activation is not None:
+            names = name_inputs(model)
             activate(spec, model, names, select_muscles(names, activation, inputs))
-        except ModelError as error:
-            raise ModelError(f"{path.name}: {error}") from error
-        model = spec.compile()
-    if deviation is not None:
-        model = deviation.apply(spec, model, path.name)
+            model = spec.compile()
+        if deviation is not None:
+            model = deviation.apply(spec, model)
     return spec, model
 
 

@@ -37,7 +37,7 @@ from icmj.engine.quality import assess
 from icmj.engine.safety import check_names, check_plant, check_sizes, use_model
 from icmj.engine.sensors import add_sensors
 from icmj.engine.units import name_state_units
-from icmj.errors import ModelError
+from icmj.errors import ModelError, prefix_errors
 from icmj.plant.activation import Activation, Lag
 from icmj.plant.body import OperatingRule, Selection
 from icmj.plant.linear_plant import LinearPlant, Match, Push, pick, ports
@@ -167,7 +167,7 @@ def load_plant(
         activation: the lag of its inputs, which must be motors.
 
     Raises:
-        ModelError: see :func:`icmj.engine.model.load_spec`, :func:`icmj.engine.ports.find_ports`,
+        ModelError: see :func:`icmj.engine.model.load_model`, :func:`icmj.engine.ports.find_ports`,
             :func:`icmj.engine.operating_point.find_equilibria`, :func:`icmj.engine.linearisation.linearise` and
             :mod:`icmj.engine.safety`.
     """
@@ -211,7 +211,7 @@ def shape_to_person(path: Path, person: Person) -> str:
     """The MJCF text of a model with the measures of ``person``.
 
     Raises:
-        ModelError: see :func:`icmj.engine.model.load_spec` and :mod:`icmj.engine.safety`.
+        ModelError: see :func:`icmj.engine.model.load_model` and :mod:`icmj.engine.safety`.
     """
     with use_model(path):
         return load_spec(path, person=person).to_xml()
@@ -229,10 +229,8 @@ def place(plant: MujocoPlant, data: mujoco.MjData, x: Array, u: Array, qpos: Arr
 
 
 def _say_where(path: Path, points: Iterator[OperatingPoint]) -> Iterator[OperatingPoint]:
-    try:
+    with prefix_errors(path):
         yield from points
-    except ModelError as error:
-        raise ModelError(f"{path}: {error}") from error
 
 
 def _best(first: MujocoPlant, others: Iterator[MujocoPlant]) -> MujocoPlant:

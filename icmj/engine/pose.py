@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import mujoco
@@ -83,30 +84,33 @@ def measure_departures(plant: MujocoPlant, qpos: Array) -> Array:
 
 def _poses(model: mujoco.MjModel, qpos_0: Array, departure: Array) -> tuple[Array, Array, Array]:
     """Body positions (N, nb, 3) and orientations (N, nb, 4), and the whole body's centre of mass (N, 3)."""
-    data = mujoco.MjData(model)
     N = len(departure)
     xpos, xquat, com = np.zeros((N, model.nbody, 3)), np.zeros((N, model.nbody, 4)), np.zeros((N, 3))
-    for i, dq in enumerate(departure):
-        data.qpos[:] = qpos_0
-        mujoco.mj_integratePos(model, data.qpos, dq, 1.0)
-        mujoco.mj_kinematics(model, data)
+    for i, data in enumerate(_visit(model, qpos_0, departure)):
         mujoco.mj_comPos(model, data)
         xpos[i], xquat[i], com[i] = data.xpos, data.xquat, data.subtree_com[0]
     return xpos, xquat, com
 
 
+def _visit(model: mujoco.MjModel, qpos_0: Array, departure: Array) -> Iterator[mujoco.MjData]:
+    """The same data at the kinematics of each departure in turn."""
+    data = mujoco.MjData(model)
+    for dq in departure:
+        data.qpos[:] = qpos_0
+        mujoco.mj_integratePos(model, data.qpos, dq, 1.0)
+        mujoco.mj_kinematics(model, data)
+        yield data
+
+
 def _skeleton(plant: MujocoPlant, departure: Array) -> Array:
     """Lines from each moving body to its children, and from one without children through its centre of mass, twice as
     far as that is; shape (N, M, 2, 3)."""
-    model, data = plant.model, mujoco.MjData(plant.model)
+    model = plant.model
     moving = [body for body in range(1, model.nbody) if model.body_weldid[body] != 0]
     bones = [(int(model.body_parentid[body]), body) for body in moving if model.body_parentid[body] in moving]
     tips = [body for body in moving if body not in {parent for parent, _ in bones}]
     lines = np.zeros((len(departure), len(bones) + len(tips), 2, 3))
-    for line, dq in zip(lines, departure, strict=True):
-        data.qpos[:] = plant.linearisation.point.qpos
-        mujoco.mj_integratePos(model, data.qpos, dq, 1.0)
-        mujoco.mj_kinematics(model, data)
+    for line, data in zip(lines, _visit(model, plant.linearisation.point.qpos, departure), strict=True):
         line[: len(bones)] = data.xpos[np.array(bones, dtype=int).reshape(-1, 2)]
         line[len(bones) :, 0] = data.xpos[tips]
         line[len(bones) :, 1] = 2 * data.xipos[tips] - data.xpos[tips]

@@ -83,7 +83,7 @@ def simulate(
     inside = np.zeros(len(loop.block.M))
     inside[: loop.own] = a[: loop.own]
     record = follow(loop, loop.data(x, inside), schedule, progress, a=a, repeatable=repeatable)
-    precision = list_facts(loop, steps, schedule, record, time.perf_counter() - begin)
+    precision = list_facts(loop, steps, record, time.perf_counter() - begin)
     if error_estimate:
         precision |= estimate(loop, schedule, record).facts(schedule, linear.outputs)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from icmj.base.array import Array
 from icmj.base.files import open_file
-from icmj.errors import DataError, IdentificationError
+from icmj.errors import DataError, IdentificationError, prefix_errors
 from icmj.series.csv_table import LONGEST_LINE
 from icmj.series.reading import MOST_BYTES, read_series
 from icmj.simulation.simulation import Simulation
@@ -146,7 +146,7 @@ def read_observed(path: Path, outputs: tuple[str, ...]) -> Observed:
         DataError, IdentificationError: if it cannot be read, or holds neither.
     """
     times = _single_column(path)
-    try:
+    with prefix_errors(path):
         if times is not None:
             return Observed.of_times(np.array(times))
         series = read_series(path)
@@ -161,8 +161,6 @@ def read_observed(path: Path, outputs: tuple[str, ...]) -> Observed:
         columns = [found[name] for name in outputs]
         factor = [np.pi / 180 if series.units[i].lower() in _DEGREES else 1.0 for i in columns]
         return Observed.of_samples(series.t, series.values[:, columns] * factor)
-    except IdentificationError as error:
-        raise IdentificationError(f"{path}: {error}") from error
 
 
 def _single_column(path: Path) -> list[float] | None:
