@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Literal, get_args
@@ -55,6 +56,8 @@ class Placed:
 
     def _check_place(self) -> str:
         """Where it acts, and as what; SimulationError if that is not one place."""
+        if (self.body or self.surface) and self.on == type(self).on == "command":  # not said
+            object.__setattr__(self, "on", "body")
         what = _name(self)
         named = {key: getattr(self, key, None) for key in ("input", "output", "body", "surface")}
         there = [key for key, name in named.items() if name is not None]
@@ -87,9 +90,7 @@ class Impulse(Placed):
 
     def __post_init__(self) -> None:
         where = self._check_place()
-        _check(self, "size", "start", "duration")
-        require(self.start >= 0, f"{where}: start {self.start} s is negative")
-        require(self.duration > 0, f"{where}: duration {self.duration} s must be positive")
+        _check(self, where, "size", positive=("duration",))
 
 
 @dataclass(frozen=True)
@@ -107,9 +108,7 @@ class Step(Placed):
     start: NonNegative = 0.0
 
     def __post_init__(self) -> None:
-        where = self._check_place()
-        _check(self, "size", "start")
-        require(self.start >= 0, f"{where}: start {self.start} s is negative")
+        _check(self, self._check_place(), "size")
 
 
 @dataclass(frozen=True)
@@ -144,16 +143,11 @@ class Noise(Placed):
     on: On = field(default="command", kw_only=True)
 
     def __post_init__(self) -> None:
-        if (self.body or self.surface) and self.on == "command":  # not said
-            object.__setattr__(self, "on", "body")
         where = self._check_place()
         require((self.bandwidth is None) != (self.corner is None), f"{where}: give one of bandwidth and corner")
         edge = "bandwidth" if self.corner is None else "corner"
-        _check(self, "size", edge, "start")
-        require(self.size > 0, f"{where}: size {self.size} must be positive")
-        require(getattr(self, edge) > 0, f"{where}: {edge} {getattr(self, edge)} Hz must be positive")
+        _check(self, where, positive=("size", edge))
         require(self.seed >= 0, f"{where}: seed {self.seed} is negative")
-        require(self.start >= 0, f"{where}: start {self.start} s is negative")
         require(1 <= self.terms <= MOST_TERMS, f"{where}: terms {self.terms}: expected between 1 and {MOST_TERMS}")
 
 
@@ -174,8 +168,6 @@ class Sinusoids(Placed):
     on: On = "command"
 
     def __post_init__(self) -> None:
-        if (self.body or self.surface) and self.on == "command":  # not said
-            object.__setattr__(self, "on", "body")
         where = self._check_place()
         object.__setattr__(self, "terms", tuple(tuple(map(float, term)) for term in self.terms))
         count = len(self.terms)
@@ -203,8 +195,7 @@ class Bias:
     start: NonNegative = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, "size", "start")
-        require(self.start >= 0, f"bias on {self.output!r}: start {self.start} s is negative")
+        _check(self, f"bias on {self.output!r}", "size")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,12 +215,10 @@ class Gridded(Placed):
     interval: Positive = GRID
     start: NonNegative = 0.0
 
-    def _check_grid(self, *names: str) -> str:
-        """Check the place and the grid; SimulationError if one is wrong."""
+    def _check_grid(self, *positive: str) -> str:
+        """Check the place, the grid and other positive numbers; SimulationError if one is wrong."""
         where = self._check_place()
-        _check(self, *names, "interval", "start")
-        require(self.interval > 0, f"{where}: interval {self.interval} s must be positive")
-        require(self.start >= 0, f"{where}: start {self.start} s is negative")
+        _check(self, where, positive=("interval", *positive))
         return where
 
 
@@ -259,11 +248,7 @@ class Gaussian(Gridded):
     on: On = "command"
 
     def __post_init__(self) -> None:
-        if (self.body or self.surface) and self.on == "command":  # not said
-            object.__setattr__(self, "on", "body")
         where = self._check_grid("size", *(["corner"] if self.corner is not None else []))
-        require(self.size > 0, f"{where}: size {self.size} must be positive")
-        require(self.corner is None or self.corner > 0, f"{where}: corner {self.corner} Hz must be positive")
         require(self.seed >= 0, f"{where}: seed {self.seed} is negative")
         require(0 <= self.share < np.inf, f"{where}: share {self.share} must be positive and finite")
         if self.share:
@@ -305,10 +290,19 @@ def _name(source: object) -> str:
     return type(source).__name__.lower()
 
 
-def _check(source: object, *names: str) -> None:
-    for name in names:
+_UNITS = {"bandwidth": " Hz", "corner": " Hz", "interval": " s", "duration": " s"}
+
+
+def _check(
+    source: Impulse | Step | Noise | Bias | Gridded, where: str, *names: str, positive: Sequence[str] = ()
+) -> None:
+    """Check that these numbers and the start are finite, ``positive`` ones positive, and that it starts at t ≥ 0."""
+    for name in (*names, *positive, "start"):
         value = getattr(source, name)
         require(bool(np.isfinite(value)), f"{_name(source)}: {name} must be finite, got {value}")
+        good = value > 0 or name not in positive
+        require(good, f"{where}: {name} {value}{_UNITS.get(name, '')} must be positive")
+    require(source.start >= 0, f"{where}: start {source.start} s is negative")
 
 
 def require(good: bool, otherwise: str) -> None:
