@@ -19,12 +19,18 @@ from icmj.engine.flow import Record, follow
 from icmj.engine.limits import apply_limits, find_clipped, has_limit, measure_shares
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.stepping import choose_stepping
-from icmj.simulation.labels import make_labels
-from icmj.simulation.rows import ControllerRows, collect_drives, keep_leads, keep_rows, lead_jumps, lead_rows
+from icmj.simulation.rows import (
+    ControllerRows,
+    collect_controls,
+    collect_drives,
+    keep_leads,
+    keep_rows,
+    lead_jumps,
+    lead_rows,
+)
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import start_states
-from icmj.simulation.taps import get_delay, get_least_interval, get_modes
 
 
 @limit_to_one_thread()
@@ -72,7 +78,7 @@ def simulate(
         SimulationError: if a named state or input does not exist, a start state has the wrong shape, or the timestep
             is not usable.
     """
-    linear, real = plant.linearisation.plant, controller.realisation
+    linear = plant.linearisation.plant
     x, a = start_states(linear, controller, settings, x0, x_o0, x_h0, a0)
     loop = close_loop(plant, controller, settings)
     steps = choose_stepping(loop, settings)
@@ -94,26 +100,17 @@ def simulate(
     leads, more = _leads(controller, record, rows, drives["edges"])
     return Simulation(
         plant="mujoco",
-        control=controller.kind,
         t=record.rows[:, 0],
         x=rows.x,
         y=rows.y,
-        u=held.u,
-        x_o=held.x_o,
-        x_h=held.x_h,
-        E=held.E,
         events=Events(record.events[:, 0], events.x, at_events.x_o, at_events.x_h, record.y_max, record.y_min),
         outcome=record.outcome,
         precision=precision | reached,
         qpos=record.rows[:, 1 : 1 + loop.model.nq],
-        delay=get_delay(real),
         applied=acting,
-        least=get_least_interval(real),
-        noisy=settings.noisy,
-        labels=make_labels(linear, controller.plant if held.x_o.size else None),
         jumps=record.jumps,
         leads=keep_leads(leads, lambda t, u: _limit_leads(plant, loop, record, t, u), loop.acting, more),
-        **get_modes(real, record.mode),
+        **collect_controls(controller, linear, settings, held, record.mode),
         **drives,
     )
 

@@ -10,8 +10,9 @@ Any other controller is simulated from its realisation alone, stretch by stretch
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import factorial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,14 +30,23 @@ from icmj.linear.native.stretches import Body, Grid, Track, compile_stretches
 from icmj.linear.simulator import Simulator
 from icmj.plant.linear_plant import LinearPlant
 from icmj.simulation import ending, position_limit
-from icmj.simulation.disturbance import Disturbance, make_acting
-from icmj.simulation.ending import EventPace
+from icmj.simulation.disturbance import Acting, make_acting
+from icmj.simulation.ending import EventPace, Outcome
 from icmj.simulation.grid import list_points
-from icmj.simulation.labels import make_labels
 from icmj.simulation.native.loop import Status
 from icmj.simulation.native.waves import Waves
 from icmj.simulation.readings import expect_readings
-from icmj.simulation.rows import collect_drives, keep_leads, keep_rows, lead_jumps, lead_rows, list_edges, part_rows
+from icmj.simulation.rows import (
+    ControllerRows,
+    collect_controls,
+    collect_drives,
+    keep_leads,
+    keep_rows,
+    lead_jumps,
+    lead_rows,
+    list_edges,
+    part_rows,
+)
 from icmj.simulation.settings import Settings
 from icmj.simulation.simulation import Events, Simulation
 from icmj.simulation.start import make_controller_start, make_plant_start, start_states
@@ -44,9 +54,7 @@ from icmj.simulation.taps import (
     POWERS,
     begin,
     compute_first_command,
-    get_delay,
     get_least_interval,
-    get_modes,
     lengthen,
     list_levels,
     make_taps,
@@ -167,38 +175,62 @@ def simulate_tapped(
     kept, jumps, leads, mode = part_rows(R[:, 0], R[:, 1 + n : -1], R[:, -1])
     R = R[kept]
     when, X, u = R[:, 0], R[:, 1 : 1 + n], R[:, 1 + n : -1]
-    drives = collect_drives(law, everything, when)
-    leads = keep_leads(lead_jumps(leads, jumps, when, u, drives["edges"]), _adds(acting), everything)
     none, before = np.zeros((len(R), 0)), np.zeros((len(K), 0))
-    y_max, y_min = K[:, 1 + n : 1 + n + n_y], K[:, 1 + n + n_y :]
+    found = Events(K[:, 0], K[:, 1 : 1 + n], before, before, K[:, 1 + n : 1 + n + n_y], K[:, 1 + n + n_y :])
+    drives = collect_drives(law, everything, when)
+    return _tell(
+        plant,
+        everything,
+        when,
+        X,
+        outcome,
+        found,
+        (lead_jumps(leads, jumps, when, u, drives["edges"]), ()),
+        ("Taylor series", H, POWERS),
+        jumps=jumps,
+        **collect_controls(law, plant, settings, ControllerRows(none, none, u, np.full(len(R), np.nan)), mode[kept]),
+        **drives,
+    )
+
+
+def _tell(
+    plant: LinearPlant,
+    acting: Acting,
+    t: Array,
+    x: Array,
+    outcome: Outcome,
+    events: Events,
+    leads: tuple[Array, Sequence[Array]],
+    series: tuple[str, float, int],
+    **more: Any,
+) -> Simulation:
+    """The run with these rows and events; ``leads`` are commands, and hold and event function, right before rows.
+
+    ``series`` are the integrator's name, its step [s] and its number of terms.
+    """
+    beside, u = acting.disturbance, more["u"]
+
+    def applied(t: Array, u: Array) -> Array:
+        """The input that acts at these times right before a row; of no width if it is that of the commands alone."""
+        return beside.beside(t, u) + u if len(beside) else u[:, :0]
+
     return Simulation(
         plant="linear",
-        control=law.kind,
-        t=when,
-        x=X,
-        y=X @ plant.C.T,
-        u=u,
-        x_o=none,
-        x_h=none,
-        E=np.full(len(R), np.nan),
-        events=Events(t=K[:, 0], x=K[:, 1 : 1 + n], x_o=before, x_h=before, y_max=y_max, y_min=y_min),
-        applied=u + acting.at_rows(when, u) if len(acting) else np.zeros((0, 0)),
+        t=t,
+        x=x,
+        y=x @ plant.C.T,
+        events=events,
+        applied=u + beside.at_rows(t, u) if len(beside) else np.zeros((0, 0)),
         outcome=outcome,
         precision={
-            "integrator": "Taylor series",
+            "integrator": series[0],
             "order": "exact",
             "event_tolerance": 1e-12,
-            "step": H,
-            "series_terms": POWERS,
+            "step": series[1],
+            "series_terms": series[2],
         },
-        noisy=settings.noisy,
-        labels=make_labels(plant),
-        delay=get_delay(realisation),
-        least=get_least_interval(realisation),
-        jumps=jumps,
-        leads=leads,
-        **get_modes(realisation, mode[kept]),
-        **drives,
+        leads=keep_leads(leads[0], applied, acting, leads[1]),
+        **more,
     )
 
 
@@ -297,45 +329,18 @@ def simulate(
         loop.x(found.Z),
         *(keep_rows(law, loop.x_o(Z), loop.x_h(Z), loop.e(Z)) for Z in (found.Z, found.event_Z)),
     )
-    beside, acting = simulator.disturbance, make_acting(plant, settings, controller)
+    events = Events(found.event_t, loop.x(found.event_Z), at_events.x_o, at_events.x_h, found.y_max, found.y_min)
+    acting = make_acting(plant, settings, controller)
     drives = collect_drives(controller, acting, found.t)
-    leads, held = lead_rows(law, found.t, loop.x_o(found.Z), loop.x_h(found.Z), found.event_t, drives["edges"])
-    return Simulation(
-        plant="linear",
-        control=law.kind,
-        t=found.t,
-        x=x,
-        y=x @ plant.C.T,
-        u=rows.u,
-        x_o=rows.x_o,
-        x_h=rows.x_h,
-        E=rows.E,
-        events=Events(
-            t=found.event_t,
-            x=loop.x(found.event_Z),
-            x_o=at_events.x_o,
-            x_h=at_events.x_h,
-            y_max=found.y_max,
-            y_min=found.y_min,
-        ),
-        applied=rows.u + beside.at_rows(found.t, rows.u) if len(beside) else np.zeros((0, 0)),
-        outcome=outcome,
-        precision={
-            "integrator": "matrix exponential",
-            "order": "exact",
-            "event_tolerance": 1e-12,
-            "step": simulator.tables.step,
-            "series_terms": simulator.tables.A.shape[1],
-        },
-        delay=law.delay.t_d,
-        least=law.least,
-        noisy=settings.noisy,
-        labels=make_labels(plant, law.plant),
-        leads=keep_leads(leads, _adds(beside), acting, held),
+    return _tell(
+        plant,
+        acting,
+        found.t,
+        x,
+        outcome,
+        events,
+        lead_rows(law, found.t, loop.x_o(found.Z), loop.x_h(found.Z), found.event_t, drives["edges"]),
+        ("matrix exponential", simulator.tables.step, simulator.tables.A.shape[1]),
+        **collect_controls(law, plant, settings, rows, np.zeros(0)),
         **drives,
     )
-
-
-def _adds(disturbance: Disturbance) -> Callable[[Array, Array], Array]:
-    """The input that acts at times [s] under commands, (N,), (N, n_u) → (N, n_u); of no width if these alone do."""
-    return lambda t, u: disturbance.beside(t, u) + u if len(disturbance) else u[:, :0]

@@ -12,9 +12,13 @@ from icmj.base.array import Array
 from icmj.base.balancing import propagate
 from icmj.controller.controller import Controller
 from icmj.controller.law import Law
+from icmj.plant.linear_plant import LinearPlant
 from icmj.series.interpolation import NEAR, has_instants, snap_rows
 from icmj.simulation.disturbance import Acting
+from icmj.simulation.labels import make_labels
 from icmj.simulation.native.taps import KEPT
+from icmj.simulation.settings import Settings
+from icmj.simulation.taps import get_delay, get_least_interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +147,16 @@ def list_edges(acting: Acting, law: Law) -> Array:
     for _ in range(2):
         given = np.unique(np.concatenate([given, np.add.outer(given, real.taps).ravel()]))
     return given[given > 0]
+
+
+def collect_controls(
+    law: Law, plant: LinearPlant, settings: Settings, rows: ControllerRows, mode: np.ndarray
+) -> dict[str, Any]:
+    """Fields of a run of ``plant`` that are its controller's: its kind, and what it was at the rows."""
+    real, names = law.realisation, tuple(mode.name for mode in law.realisation.modes)
+    found: dict[str, Any] = {"mode": mode.astype(np.int64), "modes": names} if len(names) > 1 else {}
+    found |= {"control": law.kind, "delay": get_delay(real), "least": get_least_interval(real), "noisy": settings.noisy}
+    return {**found, **vars(rows), "labels": make_labels(plant, law.plant if rows.x_o.size else None)}
 
 
 def collect_drives(controller: Law, acting: Acting, t: Array) -> dict[str, Any]:

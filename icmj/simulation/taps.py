@@ -7,7 +7,7 @@ Before t = 0 it has read what there is at the start, held. Time within a stretch
 from __future__ import annotations
 
 from math import floor
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -316,12 +316,6 @@ def get_least_interval(realisation: Realisation) -> float:
 def get_delay(realisation: Realisation) -> float:
     """The time from an event to its action [s]; 0 without events."""
     return realisation.delay if realisation.eventful else 0.0
-
-
-def get_modes(realisation: Realisation, mode: Array) -> dict[str, Any]:
-    """The modes at the rows of a run; empty if the controller has only one."""
-    names = tuple(mode.name for mode in realisation.modes)
-    return {"mode": mode.astype(np.int64), "modes": names} if len(names) > 1 else {}
 
 
 def make_waves(duration: float, *parts: tuple[Disturbance, Array]) -> Waves:
