@@ -10,7 +10,7 @@ import os
 import random
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -113,13 +113,7 @@ class Network:
 
     def head(self) -> dict[str, Any]:
         """Its kind and sizes."""
-        return {
-            "kind": self.kind,
-            "targets": self.targets,
-            "conditions": self.conditions,
-            "depth": self.depth,
-            "temperature": self.temperature,
-        }
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("weights", "losses")}
 
     @classmethod
     def of(cls, head: Mapping[str, Any], arrays: Mapping[str, Array], targets: int, conditions: int) -> Network:

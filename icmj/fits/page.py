@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -94,30 +94,11 @@ def table(found: Fit) -> pa.Table:
     """A row for each number of each person under each family."""
     rows = []
     for one in found.fitted:
-        trained = found.trained[one.family]
-        low, median, high = np.quantile(one.theta, (0.05, 0.5, 0.95), axis=0)
-        probability, verdicts = _probability(found, one), trained.calibration.judge(one.contraction)
-        for i, name in enumerate(trained.family.prior.names):
-            rows.append(
-                {
-                    "person": one.person.name,
-                    "group": one.person.group,
-                    "condition": one.person.condition,
-                    "family": one.family,
-                    "number": name,
-                    "unit": trained.family.prior.units[i],
-                    "median": float(median[i]),
-                    "low": float(low[i]),
-                    "high": float(high[i]),
-                    "z_mean": float(one.z[:, i].mean()),
-                    "z_deviation": float(one.z[:, i].std()),
-                    "contraction": float(one.contraction[i]),
-                    "verdict": verdicts[i],
-                    "support": one.support,
-                    "misfit": one.misfit.words,
-                    "family_probability": probability,
-                }
-            )
+        person, units = one.person, found.trained[one.family].family.prior.units
+        whose = {"person": person.name, "group": person.group, "condition": person.condition, "family": one.family}
+        told = {"support": one.support, "misfit": one.misfit.words, "family_probability": _probability(found, one)}
+        for unit, (name, each) in zip(units, _estimates(found, one).items(), strict=True):
+            rows.append({**whose, "number": name, "unit": unit, **each, **told})
     made = pa.Table.from_pylist(rows)
     return made if found.probabilities is None else made.replace_schema_metadata({"family_probability": CHOICE})
 
@@ -147,54 +128,47 @@ def summary(found: Fit) -> dict[str, Any]:
             "caveat": f"{CHOICE}. {ORIGIN}",
         }
     groups = {
-        name: [{key: getattr(one, key) for key in ("name", "groups", "people", "paired", "value", "low", "high", "p")}
-               | {"holm": one.holm, "verdict": one.verdict, "words": one.words} for one in each]
+        name: [{key: value for key, value in vars(one).items() if key != "means"} for one in each]
         for name, each in found.differences.items()
-    }  # fmt: skip
+    }
     made = {"icmj": VERSION, "families": families, "people": people, "choice": choice, "differences": groups}
     return dict(plain(made))
 
 
 def _family(trained: TrainedFamily) -> dict[str, Any]:
     c, prior = trained.calibration, trained.family.prior
-    numbers = {
-        name: {
-            "unit": prior.units[i],
-            "verdict": c.verdicts[i],
-            "contraction": float(c.contraction[i]),
-            "coverage": float(c.coverage[i]),
-            "coverage_low": float(c.coverage_low[i]),
-            "coverage_high": float(c.coverage_high[i]),
-            "p": float(c.p_values[i]),
-        }
-        for i, name in enumerate(c.names)
-    }
+    columns = {
+        "unit": prior.units, "verdict": c.verdicts, "contraction": c.contraction, "coverage": c.coverage,
+        "coverage_low": c.coverage_low, "coverage_high": c.coverage_high, "p": c.p_values,
+    }  # fmt: skip
+    numbers = _by_name(c.names, columns)
     return {"title": trained.family.title, "bank": trained.words, "people": len(c.ranks), "numbers": numbers}
 
 
-def _person(found: Fit, one: FamilyFit) -> dict[str, Any]:
-    trained, p = found.trained[one.family], one.predictive
-    prior, verdicts = trained.family.prior, trained.calibration.judge(one.contraction)
-    low, median, high = np.quantile(one.theta, (0.05, 0.5, 0.95), axis=0)
-    numbers = {
-        name: {
-            "median": float(median[i]),
-            "low": float(low[i]),
-            "high": float(high[i]),
-            "contraction": float(one.contraction[i]),
-            "verdict": verdicts[i],
-        }
-        for i, name in enumerate(prior.names)
-    }
-    sway = {
-        name: {
-            "unit": MEASURE_UNITS[i], "low": float(p.low[i]), "high": float(p.high[i]),
-            "recorded": p.observed[:, i].tolist(), "inside": p.inside[:, i].tolist(),
-        }
-        for i, name in enumerate(MEASURES)
+def _estimates(found: Fit, one: FamilyFit) -> dict[str, dict[str, Any]]:
+    """Each number of a person: median, interval, mean and deviation as z, contraction and verdict."""
+    trained, z = found.trained[one.family], one.z.T
+    low, median, high = np.quantile(one.theta, (0.05, 0.5, 0.95), axis=0).tolist()
+    columns = {
+        "median": median, "low": low, "high": high,
+        "z_mean": [float(of.mean()) for of in z], "z_deviation": [float(of.std()) for of in z],
+        "contraction": one.contraction.tolist(), "verdict": trained.calibration.judge(one.contraction),
     }  # fmt: skip
+    return _by_name(trained.family.prior.names, columns)
+
+
+def _by_name(names: Sequence[str], columns: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """What columns have of each name."""
+    rows = zip(*columns.values(), strict=True)
+    return {name: dict(zip(columns, row, strict=True)) for name, row in zip(names, rows, strict=True)}
+
+
+def _person(found: Fit, one: FamilyFit) -> dict[str, Any]:
+    p, shown = one.predictive, ("median", "low", "high", "contraction", "verdict")
+    numbers = {name: {key: each[key] for key in shown} for name, each in _estimates(found, one).items()}
+    columns = {"unit": MEASURE_UNITS, "low": p.low, "high": p.high, "recorded": p.observed.T, "inside": p.inside.T}
     facts = {"misfit": one.misfit.words, "support": one.support, "draws": len(one.z), "fell": p.fell}
-    return {**facts, "numbers": numbers, "predicted": sway}
+    return {**facts, "numbers": numbers, "predicted": _by_name(MEASURES, columns)}
 
 
 def _probability(found: Fit, one: FamilyFit) -> float:
