@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -125,8 +124,7 @@ def _over_an_interval(loop: ComposedLoop, schedule: Schedule, record: Record) ->
     interval = float("nan") if given else abs(stretch - flight.length)
     own = record.rows[(record.rows[:, 0] > begin) & (record.rows[:, 0] < last[0])]
     # an event's own row is of another instant in both, by the error of the interval
-    found = compare_rows(loop, own, rows[:-1], (record.events[-1:], rows[-1:]))
-    return scale_error(loop, interval, found, stretch)
+    return measure_error(loop, interval, stretch, own, rows[:-1], (record.events[-1:], rows[-1:]))
 
 
 def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Accuracy:
@@ -140,8 +138,8 @@ def _over_a_second(loop: ComposedLoop, schedule: Schedule, record: Record) -> Ac
         return _nothing(loop)
     data = loop.data(loop.departures(first[None, :]).x[0], loop.state(first), float(first[0]))
     again = follow(loop, data, replace(halve_timestep(schedule), t_end=float(last[0])))
-    found = compare_rows(loop, record.rows[record.rows[:, 0] > first[0]], again.rows, (last[None, :], again.rows[-1:]))
-    return scale_error(loop, float("nan"), found, stretch)
+    own = record.rows[record.rows[:, 0] > first[0]]
+    return measure_error(loop, float("nan"), stretch, own, again.rows, (last[None, :], again.rows[-1:]))
 
 
 def _since_a_stand(loop: ComposedLoop, schedule: Schedule, record: Record, stand: Stand) -> Accuracy:
@@ -157,8 +155,8 @@ def _since_a_stand(loop: ComposedLoop, schedule: Schedule, record: Record, stand
     coarse, fine = runs
     both_switched = 0 < len(coarse.events) == len(fine.events)
     interval = abs(float(coarse.events[-1, 0] - fine.events[-1, 0])) if both_switched else float("nan")
-    found = compare_rows(loop, coarse.rows, fine.rows, (coarse.rows[-1:], fine.rows[-1:]))
-    return scale_error(loop, interval, found, end - stand.t)
+    ends = coarse.rows[-1:], fine.rows[-1:]
+    return measure_error(loop, interval, end - stand.t, coarse.rows, fine.rows, ends)
 
 
 def halve_timestep(schedule: Schedule) -> Schedule:
@@ -169,49 +167,35 @@ def halve_timestep(schedule: Schedule) -> Schedule:
     return replace(schedule, timestep=schedule.timestep / 2, record_interval=every * schedule.timestep)
 
 
-class Apart(NamedTuple):
-    """How far two runs are apart at most, and the largest departures, of outputs and of states.
+def measure_error(
+    loop: ComposedLoop, interval: float, stretch: float, coarse: Array, fine: Array, ends: tuple[Array, Array]
+) -> Accuracy:
+    """The error of a run from its differences to a finer one (:func:`halve_timestep`).
 
-    Attributes:
-        y, size: differences and sizes of the outputs, shapes (n_y,).
-        z, extent: the same of all states, shapes (n + …,).
+    Its rows are compared at the instants that both have, and at their ``ends``, shapes (1, width).
     """
-
-    y: Array
-    size: Array
-    z: Array
-    extent: Array
-
-
-def compare_rows(loop: ComposedLoop, coarse: Array, fine: Array, ends: tuple[Array, Array]) -> Apart:
-    """Compare the rows of two runs at the instants that both have, and at their ``ends``, shapes (1, width)."""
     near = np.minimum(np.searchsorted(fine[:, 0], coarse[:, 0] - SAME_ROW), len(fine) - 1)
     common = np.abs(fine[near, 0] - coarse[:, 0]) < SAME_ROW
     one, other = (
         loop.departures(np.concatenate(pair)) for pair in ((coarse[common], ends[0]), (fine[near[common]], ends[1]))
     )
-    z, w = (np.hstack([of.x, of.x_o, of.x_h]) for of in (one, other))
-    y, v = one.y, other.y
-    return Apart(
-        _largest(y - v), np.maximum(_largest(y), _largest(v)), _largest(z - w), np.maximum(_largest(z), _largest(w))
-    )
-
-
-def _largest(values: Array) -> Array:
-    return np.asarray(np.abs(values).max(axis=0))
-
-
-def scale_error(loop: ComposedLoop, interval: float, found: Apart, stretch: float) -> Accuracy:
-    """The error of a run from its differences to a finer one (:func:`halve_timestep`)."""
+    y, size = _compare(one.y, other.y)
+    z, extent = _compare(*(np.hstack([of.x, of.x_o, of.x_h]) for of in (one, other)))
     p = order_of(loop.model)
     scale = 2**p / (2**p - 1)
-    largest = float(found.size.max())
+    largest = float(size.max())
     each, states = (
         scale * np.divide(error, size, out=np.zeros_like(error), where=size > SMALL * size.max(initial=0.0))
-        for error, size in ((found.y, found.size), (found.z, found.extent))
+        for error, size in ((y, size), (z, extent))
     )
-    output = scale * float(found.y.max()) / largest if largest > 0 else 0.0
+    output = scale * float(y.max()) / largest if largest > 0 else 0.0
     return Accuracy(p, scale * interval, output, float(states.max(initial=0.0)), stretch, each)
+
+
+def _compare(v: Array, w: Array) -> tuple[Array, Array]:
+    """How far the columns of two arrays are apart at most, and the largest in either."""
+    apart, *sizes = (np.abs(values).max(axis=0) for values in (v - w, v, w))
+    return apart, np.maximum(*sizes)
 
 
 def _nothing(loop: ComposedLoop) -> Accuracy:

@@ -247,7 +247,7 @@ def pack(
         **dict(zip(("terms", "errors", "sizes"), tables, strict=True)),
         "pushes": pushes,
         "signals": flat,
-        "weights": compute_weights(waves, flat),
+        "weights": compute_weights(waves, flat).reshape(-1, WEIGHTS),
         "cells": make_cells(flat),
         "course": np.zeros((len(ctrl_0), powers)),
         "drift": np.zeros((realisation.layout.size if rated else 0, powers)),
@@ -256,19 +256,14 @@ def pack(
     }
     header = np.zeros(HEADER)
     header[[Slot.MAGIC, Slot.VERSION, Slot.PHASE, Slot.ACT, Slot.STAGE]] = MAGIC, VERSION, -1.0, act, stage
-    header[[Slot.SIZE, Slot.N_U, Slot.N_Y]] = realisation.layout.size, len(ctrl_0), len(y_0)
-    header[Slot.N_V] = realisation.N.shape[1]
-    header[[Slot.ROWS, Slot.FACES]] = len(realisation.R), len(realisation.cuts) - 1
-    header[[Slot.SEGMENTS, Slot.TERMS, Slot.ERRORS]] = len(parts["segments"]), len(tables[0]), len(tables[1])
-    header[[Slot.PUSHES, Slot.SIZES, Slot.WAVES]] = len(pushes), len(tables[2]), len(waves)
-    header[[Slot.SIGNALS, Slot.COMMANDED, Slot.READ]] = len(flat), len(signals[0]), len(signals[1])
-    header[Slot.SHARES] = len(signals[3])
-    header[[Slot.POWERS, Slot.UNIT, Slot.VALUES]] = powers, 1.0, len(parts["values"])
-    header[[Slot.RATED, Slot.DIRECT]] = len(parts["drift"]), len(parts["S"])
+    header[[Slot.COMMANDED, Slot.READ, Slot.SHARES, Slot.UNIT]] = *(len(signals[i]) for i in (0, 1, 3)), 1.0
     at = HEADER
-    for slot, name, _ in PARTS:
+    for slot, name, shape in PARTS:
         header[slot] = at
         at += np.size(parts[name])
+        for part, extent in zip(shape, np.shape(parts[name]), strict=True):
+            if isinstance(part, Slot):
+                header[part] = extent
     return np.concatenate([header, *(np.ravel(parts[name]) for _, name, _ in PARTS)])
 
 

@@ -72,7 +72,7 @@ class ComposedLoop:
         if plant.spec is not self.plant.spec:
             return None
         acting = make_acting(plant.linearisation.plant, settings, controller)
-        numbers = repack(self.model, plant, controller, *acting, settings.duration)
+        numbers = repack(self.model, plant, controller, acting, settings.duration)
         if numbers is None:
             return None
         loop = ComposedLoop(plant, controller, *acting, self.model, numbers)

@@ -32,7 +32,7 @@ from icmj.engine.moving_ground import spread
 from icmj.engine.plant import MujocoPlant
 from icmj.engine.push_table import make_table
 from icmj.errors import ModelError
-from icmj.simulation.disturbance import NO_PUSHES, Disturbance, Pushes, make_no_disturbance
+from icmj.simulation.disturbance import NO_PUSHES, Acting, Disturbance, Pushes, make_no_disturbance
 from icmj.simulation.taps import POWERS
 
 NAME = "icmj_controller"
@@ -61,7 +61,7 @@ def compose(
     _check(bare, get_model_name(bare), plant, controller)
     there = embed(controller)
     errors = make_no_disturbance(plant.linearisation.plant.n_y) if errors is None else errors
-    data = _pack(bare, bare.nu, bare.na, plant, there, disturbance, errors, pushes, duration)
+    data = _pack(bare, bare.nu, bare.na, plant, there, Acting(disturbance, errors, pushes), duration)
     size = there.real.layout.size
     model = plant.models.copy_with_room(
         plant.linearisation.point, size, len(data), lambda room: _compile(plant.spec.copy(), bare, size, room)
@@ -152,15 +152,7 @@ def embed(controller: Law) -> EmbeddedController:
     return EmbeddedController(Realisation.of_modes(Layout.of(own=size), (mode,)), POWERS, own, joint)
 
 
-def repack(
-    model: mujoco.MjModel,
-    plant: MujocoPlant,
-    controller: Law,
-    disturbance: Disturbance,
-    errors: Disturbance,
-    pushes: Pushes,
-    duration: float = 0.0,
-) -> Array | None:
+def repack(model: mujoco.MjModel, plant: MujocoPlant, controller: Law, acting: Acting, duration: float) -> Array | None:
     """The numeric data that a composed ``model`` of the same spec would have for another controller or gain.
 
     Returns:
@@ -172,7 +164,7 @@ def repack(
     there, held = embed(controller), read_numbers(model)
     _check(model, get_model_name(model), plant, controller)
     na = int(model.na - model.actuator_actnum[-1])
-    data = _pack(model, model.nu - 1, na, plant, there, disturbance, errors, pushes, duration)
+    data = _pack(model, model.nu - 1, na, plant, there, acting, duration)
     if len(data) > len(held):
         return None
     data = np.append(data, np.zeros(len(held) - len(data)))
@@ -185,9 +177,7 @@ def _pack(
     na: int,
     plant: MujocoPlant,
     there: EmbeddedController,
-    disturbance: Disturbance,
-    errors: Disturbance,
-    pushes: Pushes,
+    acting: Acting,
     duration: float,
 ) -> Array:
     """The controller at the ports of the plant: gains enter K, N, S and the disturbance only."""
@@ -199,7 +189,8 @@ def _pack(
     mode, y_0 = at_ports(plant, controls.modes[0], nu, model.nsensordata, signals), np.zeros(model.nsensordata)
     # what the controller takes for the operating point: a bias makes it read more than there is
     y_0[ports.entries] = (plant.linearisation.y - ports.beta) / ports.g
-    acting = replace(
+    disturbance, errors, pushes = acting
+    beside = replace(
         disturbance,
         n_u=nu,
         input=ports.actuators[disturbance.input],
@@ -223,7 +214,7 @@ def _pack(
         [(int(ports.actuators[i]), 1.0, noise) for i, noise in disturbance.shares],
     )
     return pack(
-        scaled, y_0, point.ctrl, acting, reading, where, pushes.size, na, stage, there.powers, there.rated, drawn,
+        scaled, y_0, point.ctrl, beside, reading, where, pushes.size, na, stage, there.powers, there.rated, drawn,
         duration,
     )  # fmt: skip
 

@@ -149,7 +149,9 @@ class EngineCourse:
         length = float(rows[-1, 0])
         self.cuts: tuple[float, ...] = (0.0, delay, length) if 0 < delay < length else (0.0, length)
         self._layout, self._controls = make_layout(self.controller), self.controller.realisation
-        self._held = self._holds(a)
+        self._held = [(0.0, a)]  # start time and start state of each part in which the hold runs without reset
+        if len(self.cuts) > 2:
+            self._held.append((delay, self._controls.G @ self._free(a, np.array([delay]))[0]))
         self._ports = loop.plant.linearisation.ports
         self._nq, self._nv, self._na = loop.model.nq, loop.model.nv, loop.model.na
         splines = []
@@ -164,22 +166,11 @@ class EngineCourse:
         last = self._whole(np.array([length]), len(splines) - 1)[:, : self._nq + self._nv + self._na]
         self.rate = self._rates(last, np.zeros((1, last.shape[1])))[0, 0]
 
-    def _holds(self, a: Array) -> list[tuple[float, Array]]:
-        """Start time and start state of each part in which the hold runs without reset."""
-        held = [(0.0, a)]
-        if len(self.cuts) > 2:
-            before = self._free(a, np.array([self.cuts[1]]))[0]
-            held.append((self.cuts[1], self._controls.G @ before))
-        return held
-
     def _free(self, a: Array, tau: Array) -> Array:
         """The controller's state at times ``tau`` into a part: the hold in closed form, the observer unchanged."""
         after, h = np.tile(a, (len(tau), 1)), self._layout["x_h"]
         after[:, h] = self.controller.hold.free(a[h], tau)
         return after
-
-    def _part(self, t: Array) -> np.ndarray:
-        return np.clip(np.searchsorted(np.array(self.cuts), t, side="right") - 1, 0, len(self._splines) - 1)
 
     def _whole(self, t: Array, part: int) -> Array:
         """Rows (qpos, qvel, act, sensordata) at times within a part."""
@@ -194,7 +185,8 @@ class EngineCourse:
 
     def sample(self, t: Array) -> Sample:
         """Its states at given times."""
-        loop, parts = self.loop, self._part(t)
+        loop, last = self.loop, len(self._splines) - 1
+        parts = np.clip(np.searchsorted(np.array(self.cuts), t, side="right") - 1, 0, last)
         rows = np.concatenate([self._whole(t[parts == part], part) for part in range(len(self._splines))])
         at = loop.departures(np.hstack([t[:, None], rows]))
         u = -at.x_h @ self.controller.design.k.T
