@@ -349,17 +349,9 @@ def simulate(
     expect(case, Case, "simulate")
     there, controller, settings = _parts(case, plant, trigger, duration, refinement)
     x0, x_o0, x_h0 = (*(start or ()), None, None, None)[:3]
-    if plant == "mujoco":
-        from icmj.engine.run import simulate as simulate_mujoco
-
-        there = there.matched(controller.plant, "position")
-        run = simulate_mujoco(there, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
-        return add_pressure(there, controller, run)
-    from icmj.linear.run import simulate as simulate_linear
-
-    there = match_ports(there, controller.plant, "position")
-    run = simulate_linear(there, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress)
-    return add_pressure(case.model, controller, run) if isinstance(case.actual, MujocoPlant) else run
+    run = simulate_plant(there, controller, settings, x0=x0, x_o0=x_o0, x_h0=x_h0, progress=progress, match="position")
+    on_floor = plant == "linear" and isinstance(case.actual, MujocoPlant)
+    return add_pressure(case.model, controller, run) if on_floor else run
 
 
 def simulate_plant(

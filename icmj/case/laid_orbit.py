@@ -108,14 +108,11 @@ def lay_orbit(result: Result) -> LaidOrbit | None:
     if orbit is None:
         return None
     n, n_hat = result.actual.n, result.assumed.n
-    if len(simulation.events):
-        events = simulation.events
-        start, x_bar = events.t[-1], reduce_state(result, events.x[-1], events.x_o[-1], events.x_h[-1])
-    else:
-        start, x_bar = simulation.t[0], reduce_state(result, simulation.x[0], simulation.x_o[0], simulation.x_h[0])
+    at, i = (simulation.events, -1) if len(simulation.events) else (simulation, 0)
+    x_bar = reduce_state(result, at.x[i], at.x_o[i], at.x_h[i])
     return LaidOrbit(
         orbit,
-        float(start),
+        float(at.t[i]),
         # |x̄ + o| < |x̄ − o| just where x̄ · o < 0; what is not a number is nearer to neither
         -1 if float(x_bar @ orbit.x_bar) < 0 else 1,
         output_rate(result, orbit.X[:, :n], orbit.u),
