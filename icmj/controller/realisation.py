@@ -326,15 +326,20 @@ class Realisation:
             )
         return self.modes[0].rates
 
+    @property
+    def successors(self) -> np.ndarray:
+        """The mode after each, by the pattern of signs of the guards: the table, or itself without one."""
+        if self.table is not None:
+            return self.table
+        return np.arange(len(self.modes))[:, None].repeat(1 << len(self.guards), axis=1)
+
     def following(self, mode: int, w: Array) -> int:
         """The mode that follows ``mode`` for these readings and state, shape (n_v + N_a,), or readings alone."""
         return self.chosen(mode, tuple(float(guard(w)) > 0 for guard in self.guards))
 
     def chosen(self, mode: int, positive: tuple[bool, ...]) -> int:
         """The mode that follows ``mode`` for these signs of the guards."""
-        if self.table is None:
-            return mode
-        return int(self.table[mode, sum(1 << j for j, sign in enumerate(positive) if sign)])
+        return int(self.successors[mode, sum(1 << j for j, sign in enumerate(positive) if sign)])
 
 
 def parallel(first: Realisation, second: Realisation, n_y: int) -> Realisation:
@@ -347,6 +352,8 @@ def parallel(first: Realisation, second: Realisation, n_y: int) -> Realisation:
         AnalysisError: if both have events or periodic resets, either reads its own commands, or their numbers of
             commands or outputs differ.
     """
+    from scipy.linalg import block_diag
+
     if first.resets and second.resets:
         raise AnalysisError("both controllers have events or resets of their own; only one of the two can")
     if first.commands or second.commands:
@@ -367,22 +374,15 @@ def parallel(first: Realisation, second: Realisation, n_y: int) -> Realisation:
     for number, part in enumerate(parts):
         outputs = [n_y * taps.index(tau) + np.arange(n_y) for tau in part.taps]
         reads.append(np.concatenate([*outputs, n_y * len(taps) + sum(R[:number]) + np.arange(R[number])]).astype(int))
-
-    def both(matrices: tuple[Array, Array]) -> Array:
-        whole = np.zeros((sum(len(of) for of in matrices), N_a))
-        whole[: len(matrices[0]), states[0]], whole[len(matrices[0]) :, states[1]] = matrices
-        return whole
-
     modes = []
     for a in first.modes:
         for b in second.modes:
-            N, S, K = np.zeros((N_a, n_v)), np.zeros((n_u, n_v)), np.zeros((n_u, N_a))
+            N, S = np.zeros((N_a, n_v)), np.zeros((n_u, n_v))
             for mode, at, read in zip((a, b), states, reads, strict=True):
                 N[at, read] = mode.N
                 S[:, read] += mode.S
-                K[:, at] = mode.K
             name = " and ".join(of.name for of, part in ((a, first), (b, second)) if len(part.modes) > 1)
-            modes.append(Mode(name or f"{a.name} and {b.name}", both((a.M, b.M)), N, K, S))
+            modes.append(Mode(name or f"{a.name} and {b.name}", block_diag(a.M, b.M), N, np.hstack([a.K, b.K]), S))
     guards = []
     for part, at, read in zip(parts, states, reads, strict=True):
         where = np.concatenate([read, n_v + np.arange(at.start, at.stop)])
@@ -390,32 +390,22 @@ def parallel(first: Realisation, second: Realisation, n_y: int) -> Realisation:
             Q = np.zeros((n_v + N_a, n_v + N_a))
             Q[np.ix_(where[: len(guard.Q)], where[: len(guard.Q)])] = guard.Q
             guards.append(Guard(Q, guard.c))
-    pairs = [(i, j) for i in range(len(first.modes)) for j in range(len(second.modes))]
+    # modes are numbered by pairs, and signs of the guards of the first come before those of the second
     count = len(second.modes)
-
-    def pair(i: int, j: int) -> int:
-        return count * i + j
-
-    table = None
-    if guards:
-        low = len(first.guards)
-        signs = [[bool(number >> bit & 1) for bit in range(len(guards))] for number in range(1 << len(guards))]
-        table = np.array([
-            [pair(first.chosen(i, tuple(sign[:low])), second.chosen(j, tuple(sign[low:]))) for sign in signs]
-            for i, j in pairs
-        ])  # fmt: skip
-    acting, number = (second, 1) if second.resets else (first, 0)
-    watched = tuple(acting.watched[ij[number]] for ij in pairs) if acting.watched else ()
-    after: tuple[int, ...] = ()
+    table = (count * first.successors[:, None, None] + second.successors[:, :, None]).reshape(len(modes), -1)
+    i, j = np.divmod(np.arange(len(modes)), count)
+    acting, mine = (second, j) if second.resets else (first, i)
+    watched, after = tuple(acting.watched[k] for k in mine if acting.watched), np.zeros(0, dtype=int)
     if acting.after:
-        after = tuple(pair(acting.after[i], j) if number == 0 else pair(i, acting.after[j]) for i, j in pairs)
+        later = np.array(acting.after)[mine]
+        after = count * i + later if second.resets else count * later + j
     signals = np.concatenate([first.signals, second.signals + np.array([R[0], 0, 0, 0, 0, 0])])
     names, lengths = ([*of[0], *of[1]] for of in zip(*((p.layout.names, p.layout.sizes) for p in parts), strict=True))
     if len(set(names)) < len(names):
         names = [f"{name}_{1 + (k >= len(first.layout.names))}" for k, name in enumerate(names)]
     return Realisation(
-        Layout(tuple(names), tuple(lengths)), tuple(modes), both((first.J, second.J)), both((first.G, second.G)),
-        both((first.R, second.R)), acting.cuts, delay=acting.delay, taps=taps,
-        period=acting.period, guards=tuple(guards), table=table, signals=signals, wait=acting.wait, clock=acting.clock,
-        sampling=acting.sampling, watched=watched, after=after,
+        Layout(tuple(names), tuple(lengths)), tuple(modes), block_diag(first.J, second.J),
+        block_diag(first.G, second.G), block_diag(first.R, second.R), acting.cuts, delay=acting.delay, taps=taps,
+        period=acting.period, guards=tuple(guards), table=table if guards else None, signals=signals, wait=acting.wait,
+        clock=acting.clock, sampling=acting.sampling, watched=watched, after=tuple(after.tolist()),
     )  # fmt: skip

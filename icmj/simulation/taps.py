@@ -168,7 +168,6 @@ def make_taps(realisation: Realisation, n_y: int, rate: float, *, exact: bool) -
     modes, guards = realisation.modes, realisation.guards
     n_v, n_u, size = modes[0].S.shape[1], modes[0].S.shape[0], realisation.layout.size
     M, N, K, S = (np.ascontiguousarray([getattr(mode, letter) for mode in modes], dtype=float) for letter in "MNKS")
-    table = np.arange(len(modes))[:, None].repeat(1 << len(guards), axis=1)
     number = 0 if exact else _NODES
     nodes = -np.cos(np.pi * (np.arange(number) + 0.5) / max(number, 1))
     fit = np.linalg.inv(np.vander(nodes, increasing=True)) if number else np.zeros((0, 0))
@@ -184,7 +183,7 @@ def make_taps(realisation: Realisation, n_y: int, rate: float, *, exact: bool) -
         S=S.reshape(len(modes), n_u, n_v),
         Q=Q, c=np.array([guard.c for guard in guards], dtype=float),
         used=np.asarray(Q.any(axis=(0, 1))),
-        table=np.ascontiguousarray(table if realisation.table is None else realisation.table, dtype=np.int64),
+        table=np.ascontiguousarray(realisation.successors, dtype=np.int64),
         R=np.ascontiguousarray(realisation.R, dtype=float), cuts=np.asarray(realisation.cuts, dtype=np.int64),
         watched=np.array(realisation.watched or [True] * len(modes), dtype=np.bool_),
         after=np.array(realisation.after or range(len(modes)), dtype=np.int64),
