@@ -11,7 +11,6 @@ HEAD = 5  # lines of the first paragraph of a module's docstring, at most
 TOGETHER = {
     "base/linking": "the one exception to public interfaces of libraries, with all that it needs",
     "base/parquet": "whether a table ends the process that reads it is asked before it is read",
-    "case/case": "simulating without a run file is the same run",
     "case/notices": "notices, each for itself",
     "measurement/measurement": "a motion, and its growth",
     "report/findings": "figures of fits and experiments, small ones",

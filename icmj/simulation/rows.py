@@ -130,9 +130,8 @@ def lead_rows(
         held[acts] = propagate(controller.model[1].A_h, x_h[last], t[rows[acts]] - t[last])
     else:
         held = before
-    E = controller.faces.E(held - before)
-    u = -held @ controller.model[0].k.T
-    return np.column_stack([t[rows], u]), (held[:, :n], E[:, None])
+    kept = keep_rows(controller, before, held)
+    return np.column_stack([t[rows], kept.u]), (kept.x_h, kept.E[:, None])
 
 
 def list_edges(acting: Acting, law: Law) -> Array:
