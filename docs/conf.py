@@ -35,6 +35,7 @@ extensions = [
     "mathml",
     "measures",
     "pages",
+    "promises",
     "public_names",
     "run_file",
     "terms",

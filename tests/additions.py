@@ -16,8 +16,6 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import combinations, count
-from math import comb
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -1195,16 +1193,6 @@ def add(place: Path, shelf: Shelf) -> None:
     execute(place, shelf.works)
     if shelf.refused:
         execute(place, shelf.refused)
-
-
-def separate(names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Few sets of names: of any two names, one of the sets has the first without the second.
-
-    Each name is in a combination of its own, half of the sets, and no such combination contains another (Sperner).
-    """
-    sets = next(n for n in count(1) if comb(n, n // 2) >= len(names))
-    of = dict(zip(names, combinations(range(sets), max(sets // 2, 1)), strict=False))
-    return [tuple(name for name in names if i in of[name]) for i in range(sets)]
 
 
 def take_away(place: Path, shelf: Shelf, names: Sequence[str]) -> None:

@@ -30,7 +30,7 @@ settings.load_profile("busy")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("icmj", "how long to look for faults, and how far")
-    group.addoption("--kills", type=int, default=6, help="signals sent to runs and studies at random moments")
+    group.addoption("--kills", type=int, default=4, help="signals sent to runs and studies at random moments")
     group.addoption("--mutants", type=int, default=0, help="mutants of each kind; 0: for a fixed time")
     group.addoption("--from-nothing", action="store_true", help="install the wheel with all it needs; the whole study")
     group.addoption("--every", type=int, default=1, help="of the cases of one parametrised test, run every so many")

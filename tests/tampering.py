@@ -83,7 +83,8 @@ class Subject:
 
 
 def hurry() -> None:
-    """Fits of few and short simulations and small networks; what is trusted, and how, stays as it is."""
+    """Fits of few and short simulations and small networks, compiled as they stand; what is trusted stays as it is."""
+    os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "1"  # they take longer than the training
     from icmj.fits import fit, network
     from icmj.fits import fit as families
 

@@ -145,11 +145,6 @@ for module in pkgutil.walk_packages(icmj.__path__, "icmj."):
     if not module.name.startswith("icmj.shipped.runs."):
         importlib.import_module(module.name)
 """
-BANK = """
-from icmj.fits.bank import simulate_bank
-from icmj.fits.family import load_family
-assert len(simulate_bank(load_family("clock"), 4, trials=2, duration=30.0, jobs=1, folder="bank", chunk=1).theta) == 4
-"""
 HURRY = "from tampering import hurry; hurry()"  # what is trained, and how long, is the same anywhere
 COMMANDS = """
 import sys
@@ -226,17 +221,16 @@ SHORT = ["--set", "simulation.duration=15.0", "--set", "study.growth_points=2", 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("which", TOGETHER)
-def test_study_sweep_experiment_and_simulations_of_a_fit_without(which: str, tmp_path: Path) -> None:
-    """Study and sweep by two processes; the others, which have the same workers, in this one."""
+def test_a_run_and_a_sweep_without(which: str, tmp_path: Path) -> None:
+    """A log, and a folder filled by two processes; what else there is writes and computes by the same means."""
     assert sorted(feature for features in TOGETHER.values() for feature in features) == sorted(FEATURES)
     sweep = sweep_file(tmp_path, GRID.format(count=3), chunk=1)
     commands = [
-        ["study", "simple-0.8", *ONE, "--set", "study.law_q_t=[]", "--jobs", "2", "--out", "study"],
+        ["run", "simple-0.8", *ONE, "--plant", "linear", "--out", "run"],
         ["sweep", str(sweep), "--out", "swept", "--jobs", "2"],
-        ["experiment", str(experiment_file(tmp_path)), "--out", "experiment", "--jobs", "1"],
     ]
-    well(bare(COMMANDS.format(commands=commands) + BANK, tmp_path, " ".join(FEATURES[one] for one in TOGETHER[which])))
-    assert (tmp_path / "study" / "report.html").is_file()
+    well(bare(COMMANDS.format(commands=commands), tmp_path, " ".join(FEATURES[one] for one in TOGETHER[which])))
+    assert (tmp_path / "run" / "simple-0.8.linear.rrd").is_file()
 
 
 @pytest.mark.slow

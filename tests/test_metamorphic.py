@@ -8,14 +8,7 @@ from metamorphic_cases import RULES, check, draw, hunt
 def test_random_runs_obey(rule):
     tally = hunt(range(1000, 1003), rules=[rule])
     assert not tally.failures
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("first", range(0, 6, 3))
-def test_more_random_runs_obey(first):
-    tally = hunt(range(first, first + 3))
-    assert not tally.failures
-    assert sum(tally.obeyed.values()) > sum(tally.refused.values())
+    assert tally.obeyed[rule]
 
 
 def test_a_run_comes_again_by_its_seed():

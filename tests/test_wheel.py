@@ -109,10 +109,9 @@ def test_the_whole_study_from_nothing(installed, tmp_path, request):
     assert {entry["case"] for entry in summary} == {path.stem for path in (ROOT / "runs").glob("*.toml")}
 
 
-@pytest.mark.parametrize(("example", "words"), [("lean", "-26.95 N m hold the lean"), ("delay", "1.8065 1.7719")])
-def test_a_notebook_of_the_gallery_runs_outside_the_checkout(installed, tmp_path, example, words):
+def test_a_notebook_of_the_gallery_runs_outside_the_checkout(installed, tmp_path):
     """A notebook knows no file of its own; it found the shipped cases beside that alone."""
     run = "import sys; source = open(sys.argv.pop(1)).read(); exec(compile(source, 'notebook', 'exec'))"
-    file = ROOT / "examples" / f"{example}.py"
-    done = say(installed / "python", "-c", run, file, "--points", "2", cwd=tmp_path, MPLBACKEND="agg")
-    assert words in done.stdout
+    file = ROOT / "examples" / "lean.py"
+    done = say(installed / "python", "-c", run, file, cwd=tmp_path, MPLBACKEND="agg")
+    assert "-26.95 N m hold the lean" in done.stdout

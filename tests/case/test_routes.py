@@ -337,10 +337,14 @@ for _feature in ("continuous predictor", "switching", "delayed PD", "predictor w
 
 
 QUICK = ("nothing", "set-point step", "predictor with a set-point", "disturbance of a file", "all at once")
+# what acts in the engine alone or in another way there; a route knows of no plant, so that the others run on one
+ENGINE = (
+    "nothing", "push of the body", "tilt", "another mass", "muscles", "share of the command", "delayed PD", "timestep",
+    "integrator", "tolerance", "all at once",
+)  # fmt: skip
 EACH = [
-    pytest.param(feature, plant, marks=() if plant == "linear" and feature in QUICK else pytest.mark.slow)
-    for feature in FEATURES
-    for plant in ("linear", "mujoco")
+    *(pytest.param(one, "linear", marks=() if one in QUICK else pytest.mark.slow) for one in FEATURES),
+    *(pytest.param(one, "mujoco", marks=pytest.mark.slow) for one in ENGINE),
 ]
 
 

@@ -21,8 +21,7 @@ def icmj(folder: Path, *words: str, **environment: str) -> subprocess.CompletedP
 
 @pytest.mark.slow
 @pytest.mark.parametrize("environment", [
-    {"NUMBA_DISABLE_JIT": "1"}, {"PYTHONWARNINGS": "error"}, {"PYTHONWARNINGS": "default"},
-    {"PYTHONOPTIMIZE": "2"}, {"PYTHONDEVMODE": "1"},
+    {"NUMBA_DISABLE_JIT": "1"}, {"PYTHONWARNINGS": "error"}, {"PYTHONOPTIMIZE": "2", "PYTHONDEVMODE": "1"},
 ], ids=str)  # fmt: skip
 def test_what_is_asked_of_python_and_numba_changes_no_result(environment: dict[str, str], tmp_path: Path) -> None:
     done = icmj(tmp_path, "run", "simple-0.8", *SHORT, **environment)

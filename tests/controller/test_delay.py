@@ -152,15 +152,15 @@ def test_shipped_multipliers_are_those_of_finite_differences(b: float, assumed: 
 
 @pytest.mark.slow
 def test_random_plants_and_delays_agree_with_theory_and_simulation() -> None:
-    """Multipliers by finite differences; interval, γ and attraction by the exact simulation, on a hundred and more."""
+    """Multipliers by finite differences; interval, γ and attraction by the exact simulation, on fifty and more."""
     multipliers, cycles, repelling, wrong = 0, 0, 0, []
-    for i, system in enumerate(delayed_systems(7, 3000)):
+    for i, system in enumerate(delayed_systems(7, 1200)):
         rule = EventTrigger(np.eye(system.n_hat), 0.01, 1e-4)
         prediction = predict(system, rule, delta_max=2.0 + system.delay.t_d)
         if prediction.verdict not in ("attracting", "repelling"):
             continue
         largest = np.abs(prediction.multipliers).max()
-        if multipliers < 100 and largest < 1e3:
+        if multipliers < 40 and largest < 1e3:
             assert_multipliers_agree(system, rule, prediction)
             multipliers += 1
         if 0.9 <= largest <= 1.1:
@@ -173,10 +173,10 @@ def test_random_plants_and_delays_agree_with_theory_and_simulation() -> None:
             assert run.events.interval[-1] == pytest.approx(prediction.delta_crit, rel=1e-9)
             assert measured_gamma(run, prediction.V_inv, system.T_hat) == pytest.approx(prediction.gamma, rel=1e-9)
         cycles += 1
-        if cycles >= 130 and multipliers >= 100:
+        if cycles >= 50 and multipliers >= 40:
             break
-    assert (cycles, multipliers) >= (130, 100)
-    assert repelling >= 10
+    assert (cycles, multipliers) >= (50, 40)
+    assert repelling >= 4
     assert wrong == []
 
 

@@ -40,10 +40,7 @@ RUNNING = [
     ("dm_control", "hopper.xml", JOINTS, 1),  # its own sensors tell forces
     ("dm_control", "walker.xml", JOINTS, 1),  # its own sensors tell nothing of the legs
 ]
-HUMANOIDS = [
-    pytest.param("gymnasium", "humanoid.xml", "", 1, marks=SLOW),
-    pytest.param("dm_control", "humanoid.xml", JOINTS, 1, marks=SLOW),
-]
+HUMANOID = pytest.param("dm_control", "humanoid.xml", JOINTS, 1, marks=SLOW)  # the other one is no other kind
 
 # package, file, [assumed], and the reason of nature why there is nothing to predict
 REFUSED = [
@@ -91,7 +88,7 @@ def departure(case: Case, plant: str, q_t: float) -> float:
     return abs(flown.length / orbit.delta - 1)
 
 
-@pytest.mark.parametrize(("package", "name", "assumed", "power"), [*RUNNING, *HUMANOIDS])
+@pytest.mark.parametrize(("package", "name", "assumed", "power"), [*RUNNING, HUMANOID])
 def test_a_model_of_others_does_what_is_predicted(package, name, assumed, power):
     case = prepare(five_lines(package, name, assumed))
     assert departure(case, "linear", 1e-4) < 1e-9
@@ -178,14 +175,12 @@ simulation = {{{{ timestep = 0.001 }}}}'''
     print(*plant.quality.merits, *plant.linearisation.plant.states)
     print(*plant.linearisation.point.qpos)
 """
-WALKERS = [("gymnasium", "walker2d_v5.xml"), ("gymnasium", "hopper.xml"), ("dm_control", "walker.xml")]
-HUMANOIDS = [("dm_control", "humanoid.xml")]  # the other one is no other kind, and a search takes its time
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("models", [WALKERS, HUMANOIDS], ids=["walkers", "humanoids"])
-def test_the_poses_found_are_the_same_whatever_the_processor_and_its_threads(models):
+def test_the_poses_found_are_the_same_whatever_the_processor_and_its_threads():
     """To rounding times what stiff contacts make of it; before, the last bit decided between poses."""
+    models = (("gymnasium", "walker2d_v5.xml"), ("dm_control", "humanoid.xml"))
     there = [(package, FOLDERS[package], name) for package, name in models if importlib.util.find_spec(package)]
     ways = [(kernels()[0], 1), (kernels()[-1], 2)]
     first, *others = (computed(POSES.format(models=there), *way).splitlines() for way in ways)

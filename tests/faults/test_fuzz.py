@@ -19,7 +19,7 @@ from icmj import RunFile, parse_run
 from icmj.cli.main import main
 from icmj.errors import RunFileError
 
-SECONDS = 3.0  # of each kind
+SECONDS = 1.5  # of each kind
 
 
 @pytest.mark.slow

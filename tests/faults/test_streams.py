@@ -30,7 +30,6 @@ def icmj(where: str, *words: str | Path, cwd: Path, **environment: str) -> subpr
 
 COMMANDS = {
     "--help": ["--help"],
-    "analyse": ["analyse", "{run}"],
     "run": ["run", "{run}", "--plant", "linear", "--out", "out"],
     "person": ["person", "three_link", "--height", "1.7", "--mass", "70"],
     "refused": ["analyse", "no/body"],

@@ -8,7 +8,7 @@ import pytest
 from fault_cases import ROOT
 
 # bits, and changes of each kind of file, of which one takes memory; ``python -m tests.tampering`` hunts for longer
-FLIPS, REPLACED, INSIDE = 8, 2, 2
+FLIPS, REPLACED, INSIDE = 4, 2, 2
 MOST = 1500.0  # MB, of the process that reads them all, one after the other
 
 

@@ -138,7 +138,7 @@ COMMANDS = {
     "analyse": ["analyse DATA/run.toml"],
     "cycle": ["cycle DATA/run.toml --plant linear"],
     "continue": ["continue DATA/run.toml --plant linear --parameter b --to 0.79 --points 3"],
-    "run": ["run DATA/run.toml SHORT --study"],
+    "run": ["run DATA/run.toml SHORT"],
     "study": ["study DATA/run.toml SHORT --jobs 2"],
     "live": ["live DATA/run.toml"],
     "sweep": ["sweep DATA/sweep.toml --jobs 2"],

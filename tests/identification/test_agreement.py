@@ -44,8 +44,7 @@ def refused(found: Identification) -> bool:
     )
 
 
-@pytest.mark.parametrize("period", [3.6, 3.0, 2.5])
-@pytest.mark.parametrize("size", [0.03, 0.0093])
+@pytest.mark.parametrize(("period", "size"), [(3.6, 0.0093), (3.0, 0.03), (2.5, 0.0093)])
 def test_a_sine_with_the_rhythm_of_a_cycle_is_none(period: float, size: float) -> None:
     """Of the amplitude of the cycle, too: then by its shape."""
     found = identify(BLIND, Observed.of_samples(T, size * np.sin(2 * np.pi / period * T)[:, None]), known=FAR)
@@ -72,10 +71,10 @@ def test_times_alone_are_told_to_say_nothing_of_amplitude_and_shape() -> None:
 
 @pytest.mark.slow
 def test_true_motions_with_errors_of_times_and_readings_pass_as_often_as_is_said() -> None:
-    """Forty motions, from samples and from events with outputs: probabilities are even, and intervals cover."""
+    """Twenty motions, from samples and from events with outputs: probabilities are even, and intervals cover."""
     random, t = np.random.default_rng(3), np.arange(20, 60, 0.04)
     probabilities, covered = [], 0
-    for b in random.uniform(0.8, 1.2, 40):
+    for b in random.uniform(0.8, 1.2, 20):
         run = motion(float(b), **{"simulation.duration": 60.0})
         timing, reading = 0.01, 3e-4
         y = sampled(run, t + timing * random.standard_normal(len(t)))
@@ -88,9 +87,9 @@ def test_true_motions_with_errors_of_times_and_readings_pass_as_often_as_is_said
             assert found.probability is not None, (b, found.words)
             probabilities.append(found.probability)
             covered += found.holds(float(b))
-    assert sum(p < LEVEL for p in probabilities) <= 2
+    assert sum(p < LEVEL for p in probabilities) <= 1
     assert kstest(probabilities, "uniform").pvalue > 0.01
-    assert covered >= 74
+    assert covered >= 35  # of 40 intervals of 95 % fewer hold the truth in 1 of 70 draws
 
 
 def test_errors_beyond_those_allowed_refuse_a_motion_and_larger_ones_allowed_take_it() -> None:

@@ -46,10 +46,14 @@ def copied(request, tmp_path_factory):
     return path, result
 
 
+@pytest.mark.parametrize("copied", ["absolute"], indirect=True)
 def test_a_log_copied_elsewhere_is_identified(copied, shell):
-    path, result = copied
-    (told,) = shell.answers(["identify", str(path), "--low", "0.8", "--high", "1.0", "--json"])
+    (told,) = shell.answers(["identify", str(copied[0]), "--low", "0.8", "--high", "1.0", "--json"])
     assert told["value"] == pytest.approx(0.9, abs=1e-6)
+
+
+def test_a_log_copied_elsewhere_makes_the_same_case(copied):
+    path, result = copied
     again = read_log(path)
     assert again.run.text == result.run.text
     with again.run.at_hand() as run:

@@ -25,7 +25,7 @@ from icmj.study.plan import Plan
 from icmj.study.sweep import carry_out, make_plan, try_plan
 from icmj.study.sweep_folder import read_table, resume_sweep
 
-KILLS = 5
+KILLS = 3
 
 
 @pytest.fixture(scope="module")

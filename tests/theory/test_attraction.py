@@ -10,7 +10,7 @@ from icmj import EventTrigger, predict
 @pytest.mark.slow
 def test_random_orbits_attract_or_repel_as_their_multipliers_say():
     clear, repelling, disagreements = 0, 0, []
-    for i, system in enumerate(random_systems(2024, 2000)):
+    for i, system in enumerate(random_systems(2024, 800)):
         trigger = EventTrigger(np.eye(system.n_hat), 0.01, 1e-4)
         prediction = predict(system, trigger, delta_max=2.0)
         if prediction.verdict not in ("attracting", "repelling"):
@@ -22,10 +22,10 @@ def test_random_orbits_attract_or_repel_as_their_multipliers_say():
         repelling += largest > 1
         if started_beside(system, trigger, prediction, i)[1] != (largest < 1):
             disagreements.append((i, float(largest)))
-        if clear == 200:
+        if clear == 80:
             break
-    assert clear == 200
-    assert repelling >= 20  # both answers are tried
+    assert clear == 80
+    assert repelling >= 8  # both answers are tried
     assert disagreements == []
 
 

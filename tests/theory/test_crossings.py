@@ -63,8 +63,8 @@ def assert_agrees_with_brute_force(system: ErrorSystem, end: float) -> int:
 
 @pytest.mark.slow
 def test_random_plants_agree_with_a_brute_force_scan():
-    found = [assert_agrees_with_brute_force(system, 2.0) for system in random_systems(1, 60)]
-    assert sum(found) >= 50  # enough crossings for the test to mean something
+    found = [assert_agrees_with_brute_force(system, 2.0) for system in random_systems(1, 30)]
+    assert sum(found) >= 25  # enough crossings for the test to mean something
 
 
 def eigenvalue(delta, q, c, r):
