@@ -13,6 +13,7 @@ from icmj.case.result import Result
 from icmj.log.figure import place_eye
 from icmj.log.phase_plane import WIDE
 from icmj.log.timeline import TIMELINE
+from icmj.simulation.scene import Scene
 
 BACKGROUND = (52, 58, 66, 255)
 DARK = (24, 27, 31, 255)
@@ -26,8 +27,8 @@ def make_blueprint(result: Result) -> rrb.Blueprint:
         return _whole(result)
     control = result.simulation.control
     window = _window(result, prediction.delta_crit)
-    left: list[Any] = [show_body(result)] if result.scene is not None else []
-    left.append(_phase_plane())
+    left: list[Any] = [show_body(result.scene)] if result.scene is not None else []
+    left.append(show_plane("Phase plane: outputs against their rates", "phase", -1.5))
     states = [
         plot("Hold state x_h", "states/hold", window),
         plot("Observer state x_o", "states/observer", window),
@@ -72,7 +73,7 @@ def _whole(result: Result) -> rrb.Blueprint:
     if run.mode.size:
         numbered = ", ".join(f"{i} {name}" for i, name in enumerate(run.modes))
         plots.append(plot(f"Mode: {numbered}", "mode", axis, ahead=True))
-    left: list[Any] = [show_body(result)] if result.scene is not None else []
+    left: list[Any] = [show_body(result.scene)] if result.scene is not None else []
     right = rrb.TextDocumentView(origin="summary", name="Summary")
     return arrange(*(rrb.Vertical(*part) for part in (left, plots, [right]) if part))
 
@@ -95,12 +96,13 @@ def _window(result: Result, delta_crit: float | None) -> rrb.TimeAxis:
     if interval is None or not np.isfinite(interval) or interval <= 0:
         interval = delta_crit or float(simulation.t[-1]) / 10
     interval = min(interval, float(simulation.t[-1]) / 10)
-    return rrb.TimeAxis(
-        view_range=rr.TimeRange(
-            start=rr.TimeRangeBoundary.cursor_relative(seconds=-HISTORY * interval),
-            end=rr.TimeRangeBoundary.cursor_relative(seconds=ROOM * HISTORY * interval),
-        )
-    )
+    return follow_cursor(HISTORY * interval, ROOM * HISTORY * interval)
+
+
+def follow_cursor(before: float, after: float) -> rrb.TimeAxis:
+    """A time axis that follows the cursor, from some time before it to some time after it [s]."""
+    start, end = (rr.TimeRangeBoundary.cursor_relative(seconds=seconds) for seconds in (-before, after))
+    return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
 
 
 def show_whole_run(result: Result) -> rrb.TimeAxis:
@@ -130,10 +132,9 @@ def plot(name: str, origin: str, axis: rrb.TimeAxis, *, ahead: bool = False) -> 
     )
 
 
-def show_body(result: Result) -> rrb.Spatial3DView:
+def show_body(scene: Scene) -> rrb.Spatial3DView:
     """The body, and its sway magnified, in 3D."""
-    assert result.scene is not None
-    position, target = place_eye(result.scene)
+    position, target = place_eye(scene)
     return rrb.Spatial3DView(
         name="Body, and its sway magnified",
         origin="scene",
@@ -149,10 +150,11 @@ def show_body(result: Result) -> rrb.Spatial3DView:
     )
 
 
-def _phase_plane() -> rrb.Spatial2DView:
+def show_plane(name: str, origin: str, top: float) -> rrb.Spatial2DView:
+    """What is drawn in a frame of 2 WIDE by 2 about its middle; ``top``, above it, is where its titles end."""
     return rrb.Spatial2DView(
-        name="Phase plane: outputs against their rates",
-        origin="phase",
+        name=name,
+        origin=origin,
         background=DARK,
-        visual_bounds=rrb.VisualBounds2D(x_range=[-1.3 * WIDE, 1.3 * WIDE], y_range=[-1.5, 1.35]),
+        visual_bounds=rrb.VisualBounds2D(x_range=[-1.3 * WIDE, 1.3 * WIDE], y_range=[top, 1.35]),
     )

@@ -6,8 +6,6 @@ next. The branch itself is in the file bit for bit (:func:`read_branch_log`).
 
 from __future__ import annotations
 
-import hashlib
-import uuid
 from pathlib import Path
 from typing import Any
 
@@ -17,21 +15,22 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from icmj.base.array import Array
-from icmj.base.files import whole
 from icmj.base.text import one_line
 from icmj.cycle.branch import Branch, pack, unpack
 from icmj.errors import IcmjError, LogError
 from icmj.log import palette
-from icmj.log.blueprint import BACKGROUND, arrange
-from icmj.log.figure import place_eye, write_figures
+from icmj.log.archive import digest
+from icmj.log.blueprint import arrange, follow_cursor, show_body, show_plane
+from icmj.log.figure import write_figures
+from icmj.log.groups import Entity
+from icmj.log.phase_plane import WIDE
 from icmj.log.reader import read_static_row
-from icmj.log.target import write_in_memory
+from icmj.log.summary import Properties
 from icmj.log.timeline import time_column
-from icmj.log.writer import APPLICATION, ARCHIVE, raise_errors
+from icmj.log.writer import ARCHIVE, open_recording, open_target, write_archive, write_facts, write_group
 from icmj.simulation.scene import Scene
 
 LASTS = 1.5  # s on each cycle, at least
-WIDE = 1.6  # width of the diagram's frame over its height
 ENTITY = "branch_archive"
 
 
@@ -41,16 +40,8 @@ def write_branch_log(branch: Branch, path: Path | str) -> None:
     Raises:
         LogError: if the file cannot be written.
     """
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with whole(path) as part, raise_errors():
-            with write_in_memory(part) as sink:
-                _write(branch, sink)
-            if not part.is_file():
-                raise ValueError("rerun wrote no file; is it switched off by RERUN in the environment?")
-    except (OSError, RuntimeError, ValueError, TypeError) as error:
-        raise LogError(f"{path}: the branch cannot be written ({one_line(error, 200)})") from error
+    with open_target(Path(path), "branch", ENTITY) as sink:
+        _write(branch, sink)
 
 
 def read_branch_log(path: Path | str) -> Branch:
@@ -74,34 +65,28 @@ def read_branch_log(path: Path | str) -> Branch:
 def _write(branch: Branch, sink: Path) -> None:
     head, flat = pack(branch)
     scene, t, laid = _lay_out(branch)
-    identity = uuid.uuid5(uuid.NAMESPACE_OID, hashlib.sha256(head.encode()).hexdigest())
-    config = rr.ChunkBatcherConfig(flush_num_rows=1)
-    recording = rr.RecordingStream(APPLICATION, recording_id=identity, batcher_config=config)
-    recording.save(sink, default_blueprint=_blueprint(branch, scene))
-    recording.set_log_time_enabled(False)
-    recording.set_log_tick_enabled(False)
-    title = f"{branch.run.title}: along {branch.parameter} ({branch.plant})"
-    recording.send_recording_name(title)
-    recording.send_property("case", _facts(name=branch.run.case.name, title=title))
-    recording.send_property("outcome", _facts(kind="completed", time=float(t[-1])))
-    words = rr.TextDocument(_markdown(branch, title), media_type=rr.MediaType.MARKDOWN)
-    recording.log("summary", words, static=True)
-    columns = {"head": pa.array([head]), **{key: pa.array(values) for key, values in flat.items() if values.size}}
-    archive: list[Any] = [
-        rr.AnyBatchValue(f"{ARCHIVE}:{key}", v, drop_untyped_nones=False) for key, v in columns.items()
-    ]
-    recording.log(ENTITY, archive, static=True)
-    for path, values, names in (("outputs", laid["y"], branch.outputs), ("inputs", laid["u"], branch.inputs)):
-        _series(recording, path, t, values, names)
     at = laid["cycle"].astype(int)
-    _series(recording, "along/parameter", t, branch.value[at, None], (branch.parameter,))
-    _series(recording, "along/interval", t, branch.intervals[at], ("Δ_ol",) * branch.intervals.shape[1])
-    _series(recording, "along/multiplier", t, np.column_stack([branch.largest[at], 1 + 0 * at]), ("largest |μ|", "1"))
-    _diagram(recording, branch, t, at)
-    if scene is not None:
-        write_figures(recording, scene)
-    recording.flush(timeout_sec=60.0)
-    recording.disconnect()
+    title = f"{branch.run.title}: along {branch.parameter} ({branch.plant})"
+    with open_recording(sink, digest(head, flat), title, _blueprint(branch, scene)) as recording:
+        facts: Properties = {
+            "case": {"name": branch.run.case.name, "title": title},
+            "outcome": {"kind": "completed", "time": float(t[-1])},
+        }
+        write_facts(recording, facts, _markdown(branch, title))
+        known = {key: values for key, values in flat.items() if values.size}
+        write_archive(recording, ENTITY, {"head": pa.array([head])}, known)
+        multipliers = np.column_stack([branch.largest[at], 1 + 0 * at])
+        for path, values, names in (
+            ("outputs", laid["y"], branch.outputs),
+            ("inputs", laid["u"], branch.inputs),
+            ("along/parameter", branch.value[at, None], (branch.parameter,)),
+            ("along/interval", branch.intervals[at], ("Δ_ol",) * branch.intervals.shape[1]),
+            ("along/multiplier", multipliers, ("largest |μ|", "1")),
+        ):
+            write_group(recording, Entity(path, t, values, names, palette.choose_colours(len(names))))
+        _diagram(recording, branch, t, at)
+        if scene is not None:
+            write_figures(recording, scene)
 
 
 def _lay_out(branch: Branch) -> tuple[Scene | None, Array, dict[str, Array]]:
@@ -145,16 +130,6 @@ def _body(branch: Branch) -> tuple[Any, Array | None]:
     return plant, plant.linearisation.ports.whole(branch.x)[..., : plant.model.nv]
 
 
-def _series(recording: rr.RecordingStream, path: str, t: Array, values: Array, names: tuple[str, ...]) -> None:
-    style = rr.SeriesLines(
-        colors=list(palette.choose_colours(len(names))), names=list(names), widths=[1.5] * len(names)
-    )
-    recording.log(path, style, static=True)
-    flat = np.ascontiguousarray(values, dtype=float).reshape(-1)
-    columns = rr.Scalars.columns(scalars=flat).partition(np.full(len(t), values.shape[1]))
-    recording.send_columns(path, [time_column(t)], columns)
-
-
 def _diagram(recording: rr.RecordingStream, branch: Branch, t: Array, at: np.ndarray) -> None:
     """Intervals against the parameter in a frame, with the place of the cycle that is shown."""
     value = np.log(branch.value) if branch.value.min() > 0 and np.ptp(np.log(branch.value)) > 2.3 else branch.value
@@ -189,29 +164,10 @@ def _blueprint(branch: Branch, scene: Scene | None) -> rrb.Blueprint:
         return rrb.TimeSeriesView(name=name, origin=origin)
 
     def near(name: str, origin: str) -> rrb.TimeSeriesView:
-        start, end = (rr.TimeRangeBoundary.cursor_relative(seconds=s) for s in (-2 * LASTS, 2 * LASTS))
-        axis = rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
-        return rrb.TimeSeriesView(name=name, origin=origin, axis_x=axis)
+        return rrb.TimeSeriesView(name=name, origin=origin, axis_x=follow_cursor(2 * LASTS, 2 * LASTS))
 
-    figures: list[Any] = []
-    if scene is not None:
-        position, target = place_eye(scene)
-        controls = rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=(0.0, 0.0, 1.0)
-        )
-        frame = rrb.SpatialInformation(target_frame="tf#/scene", show_axes=False, show_bounding_box=False)
-        figures.append(
-            rrb.Spatial3DView(
-                name="Body, and its sway magnified", origin="scene", background=BACKGROUND, eye_controls=controls,
-                line_grid=rrb.LineGrid3D(visible=False), spatial_information=frame,
-            )
-        )  # fmt: skip
-    diagram = rrb.Spatial2DView(
-        name=f"Intervals along {branch.parameter}: blue attracting, red repelling",
-        origin="diagram",
-        background=(24, 27, 31, 255),
-        visual_bounds=rrb.VisualBounds2D(x_range=[-1.3 * WIDE, 1.3 * WIDE], y_range=[-1.3, 1.35]),
-    )
+    figures: list[Any] = [show_body(scene)] if scene is not None else []
+    diagram = show_plane(f"Intervals along {branch.parameter}: blue attracting, red repelling", "diagram", -1.3)
     return arrange(
         rrb.Vertical(*figures, diagram),
         rrb.Vertical(near("Outputs", "outputs"), near("Inputs", "inputs"), plot("Intervals [s]", "along/interval")),
@@ -236,7 +192,3 @@ def _markdown(branch: Branch, title: str) -> str:
         f"End: {branch.end}",
     ]
     return "\n".join(lines) + "\n"
-
-
-def _facts(**facts: Any) -> list[Any]:
-    return [rr.AnyBatchValue(key, pa.array([value])) for key, value in facts.items()]
