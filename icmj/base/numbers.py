@@ -260,6 +260,11 @@ def collect_facts(facts: Iterable[Fact], thing: Any, place: Place, names: Sequen
     return found
 
 
+def pick(thing: Any, *names: str) -> dict[str, Any]:
+    """Attributes of ``thing`` by their names, as a record tells them."""
+    return {name: getattr(thing, name) for name in names}
+
+
 def plain(value: Any) -> Any:
     """``value`` as JSON can hold it."""
     if value is None or isinstance(value, bool | int | str):

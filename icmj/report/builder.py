@@ -6,16 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from icmj.base.files import make_scratch, write_bytes
-from icmj.base.text import one_line
+from icmj.base.files import make_scratch, write_bytes, write_text
 from icmj.case.result import Result
 from icmj.case.sweep_table import SweepTable
-from icmj.errors import ReportError
 from icmj.report.abstract import abstract
 from icmj.report.case_runs import CaseRuns, pair
-from icmj.report.drawing import draw_case
+from icmj.report.drawing import draw_case, name_failures
 from icmj.report.headline import headline
 from icmj.report.material import Material
 from icmj.report.overview import describe_overview, overview_figure
@@ -74,24 +70,15 @@ def build_report(
     cases = in_paper_order(pair(predicted)) if predicted or not (sweeps or branches or others) else []
     out = Path(out)
     figures = out.with_name(f"{out.stem}_figures") if figures is None else Path(figures)
-    try:
+    with name_failures(cases, out):
         out.parent.mkdir(parents=True, exist_ok=True)
         with make_scratch(out) as staged:
             (draw or draw_all)(cases, staged)
             page = render(cases, staged, sweeps, branches, others)
-            (staged / out.name).write_text(page, encoding="utf-8")
             figures.mkdir(parents=True, exist_ok=True)
             for path in sorted(staged.iterdir()):
-                if path.name != out.name:
-                    write_bytes(figures / path.name, path.read_bytes())
-            write_bytes(out, (staged / out.name).read_bytes())
-    except OSError as error:
-        raise ReportError(f"{error.filename or out}: the report cannot be written ({error.strerror})") from error
-    except (np.linalg.LinAlgError, ArithmeticError) as error:
-        names = ", ".join(case.name for case in cases)
-        raise ReportError(
-            f"the report of {names} cannot be drawn: numbers too far apart ({one_line(error)})"
-        ) from error
+                write_bytes(figures / path.name, path.read_bytes())
+            write_text(out, page)
 
 
 def draw_all(cases: Sequence[CaseRuns], folder: Path) -> None:

@@ -32,6 +32,7 @@ from icmj.engine.plant import MujocoPlant
 from icmj.engine.schedule import find_fastest_rate
 from icmj.errors import AnalysisError, ReportError
 from icmj.plant.linear_plant import LinearPlant
+from icmj.report.page import make_environment
 from icmj.report.player import chain_body, join_scripts, links_of, script
 from icmj.simulation.disturbance import Disturbance, list_terms, make_acting
 from icmj.simulation.position_limit import get_limits
@@ -71,14 +72,8 @@ def build_live(case: Case, out: Path | str, *, progress: Callable[[float], None]
 
 def page(description: Mapping[str, Any]) -> str:
     """The page's HTML."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("icmj.report", "templates"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
     code = join_scripts("loop.js", "theory.js", "body.js", "live.js")
-    return environment.get_template("live.html.j2").render(
+    return make_environment().get_template("live.html.j2").render(
         title=description["title"], changes=description["changes"], heading=HEADING if description["table"] else "",
         version=VERSION, description=script(description), code=code,
     )  # fmt: skip

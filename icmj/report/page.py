@@ -4,13 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import count
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from icmj.base import VERSION
 from icmj.report.notation import SYMBOLS, notation, unbroken
 from icmj.report.player import join_scripts
 from icmj.report.section import Section
 from icmj.report.shared_vectors import SharedVectors
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+def make_environment(**options: Any) -> Environment:
+    """Where templates of pages are found, which escape what they are given and miss nothing quietly."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    templates = PackageLoader("icmj.report", "templates")
+    return Environment(
+        loader=templates, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, **options
+    )
 
 
 def render_page(parts: Sequence[Section], **said: Any) -> str:
@@ -19,16 +32,7 @@ def render_page(parts: Sequence[Section], **said: Any) -> str:
     The foot says ``source``, what the page was built from, and ``beside``, where its figures lie; it names Gawthrop's
     paper if ``paper``. A template prints a picture as ``picture|drawn``.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("icmj.report", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=unbroken,
-    )
+    environment = make_environment(finalize=unbroken)
     vectors = SharedVectors()
     environment.filters["notation"] = notation
     environment.filters["drawn"] = lambda picture: vectors.take(picture.svg, picture.alt)

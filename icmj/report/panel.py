@@ -4,13 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from icmj.report import style
 from icmj.report.case_runs import CaseRuns
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+def draw_alone(draw: Callable[[Axes], object], linked: Literal["time", "plane"] | None = None) -> Figure:
+    """A figure of one axes, its legend above it; ``linked`` if the page moves a cursor in it (:func:`style.link`)."""
+    figure, (axes,) = style.new_figure()
+    draw(axes)
+    if linked is not None:
+        style.link(linked, axes)
+    style.legend(figure, axes)
+    return figure
 
 
 @dataclass(frozen=True)

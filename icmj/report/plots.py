@@ -111,8 +111,7 @@ def locus(axes: Axes, *results: Result, scale: bool = True, legend: bool = True)
 def output(axes: Axes, *results: Result, output: int | str = 0, legend: bool = True) -> Axes:
     """(c) One output, by number or name, against time, also under continuous control if that is there; dots: events."""
     case = _case(results)
-    draw_output(axes, case, _output(case, output))
-    return _legend(axes, legend)
+    return _draw(draw_output, axes, legend, case, _output(case, output))
 
 
 def phase(axes: Axes, *results: Result, legend: bool = True) -> Axes:
@@ -155,15 +154,13 @@ def state_norm(axes: Axes, *results: Result, legend: bool = True) -> Axes:
 
 def interval_histogram(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """Density of the open-loop intervals of runs under noise; dotted: Δ_crit, dashed: the minimum interval."""
-    draw_histogram(axes, _under_noise(_case(results)))
-    return _legend(axes, legend)
+    return _draw(draw_histogram, axes, legend, _under_noise(_case(results)))
 
 
 def spectrum(axes: Axes, *results: Result, output: int | str = 0, legend: bool = True) -> Axes:
     """Power spectrum of one output, by number or name, of runs under noise, with its 95 % confidence."""
     case = _under_noise(_case(results))
-    draw_spectrum(axes, case, _output(case, output))
-    return _legend(axes, legend)
+    return _draw(draw_spectrum, axes, legend, case, _output(case, output))
 
 
 def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> Axes:
@@ -174,8 +171,7 @@ def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> Axes:
         raise ReportError(
             f"case {case.name!r} has no amplitude law; run it with --study, or see icmj.experiments.measure_law"
         )
-    draw_law(axes, found.law, threshold_unit(found))
-    return _legend(axes, legend)
+    return _draw(draw_law, axes, legend, found.law, threshold_unit(found))
 
 
 def acting(axes: Axes, *results: Result, input: int | str | None = None, legend: bool = True) -> Axes:
@@ -187,8 +183,7 @@ def acting(axes: Axes, *results: Result, input: int | str | None = None, legend:
     wanted = there[0] if input is None else _find_output("input", names, input, case)
     if wanted not in there:
         raise ReportError(f"case {case.name!r}: nothing but the command acts on {names[wanted]!r}")
-    draw_acting(axes, case, wanted)
-    return _legend(axes, legend)
+    return _draw(draw_acting, axes, legend, case, wanted)
 
 
 def pressure(axes: Axes, *results: Result, axis: str | None = None, legend: bool = True) -> Axes:
@@ -198,8 +193,7 @@ def pressure(axes: Axes, *results: Result, axis: str | None = None, legend: bool
     if axis not in ("x", "y", None) or not there:
         why = f"no axis {axis!r}; expected x or y" if there else "nothing stands on a floor"
         raise ReportError(f"case {case.name!r}: {why}")
-    draw_pressure(axes, case, axis or there[0])
-    return _legend(axes, legend)
+    return _draw(draw_pressure, axes, legend, case, axis or there[0])
 
 
 def hold_error(axes: Axes, *results: Result, legend: bool = True) -> Axes:
@@ -215,16 +209,12 @@ def validity(axes: Axes, swept: SweepTable, x: str, y: str, *, plant: str | None
 
     By default it is that in MuJoCo, or on the linear plant if there is no other.
     """
-    draw_validity(axes, swept, x, y, plant)
-    if not legend and (drawn := axes.get_legend()) is not None:
-        drawn.remove()
-    return axes
+    return _map(draw_validity, axes, legend, swept, x, y, plant)
 
 
 def critical_interval(axes: Axes, swept: SweepTable, x: str, *, legend: bool = True) -> Axes:
     """Δ_crit and the intervals of the measured cycles over the column ``x`` of a sweep."""
-    draw_curve(axes, swept, x)
-    return _legend(axes, legend)
+    return _draw(draw_curve, axes, legend, swept, x)
 
 
 def basins(axes: Axes, swept: SweepTable, x: str, y: str, *, plant: str | None = None, legend: bool = True) -> Axes:
@@ -232,40 +222,32 @@ def basins(axes: Axes, swept: SweepTable, x: str, y: str, *, plant: str | None =
 
     By default it is that of the linear plant, or in MuJoCo if there is no other.
     """
-    draw_basins(axes, swept, x, y, plant)
-    if not legend and (drawn := axes.get_legend()) is not None:
-        drawn.remove()
-    return axes
+    return _map(draw_basins, axes, legend, swept, x, y, plant)
 
 
 def sway_path(axes: Axes, sway: Sway, *, legend: bool = True) -> Axes:
     """The path of a swaying point with its 95 % prediction ellipse."""
-    draw_path(axes, sway)
-    return _legend(axes, legend)
+    return _draw(draw_path, axes, legend, sway)
 
 
 def sway_diffusion(axes: Axes, sway: Sway, *, legend: bool = True) -> Axes:
     """Stabilogram diffusion: mean square displacement against time lag, with the lines at short and long times."""
-    draw_diffusion(axes, sway)
-    return _legend(axes, legend)
+    return _draw(draw_diffusion, axes, legend, sway)
 
 
 def sway_spectrum(axes: Axes, sway: Sway, *, legend: bool = True) -> Axes:
     """Power spectra of measured sway; dotted: median frequencies."""
-    draw_spectra(axes, sway)
-    return _legend(axes, legend)
+    return _draw(draw_spectra, axes, legend, sway)
 
 
 def reaction_times(axes: Axes, found: Refractoriness, *, legend: bool = True) -> Axes:
     """Mean reaction times to first and second steps against the interval between them, with both regressions."""
-    draw_reactions(axes, found)
-    return _legend(axes, legend)
+    return _draw(draw_reactions, axes, legend, found)
 
 
 def reconstruction(axes: Axes, found: Reconstruction, pair: int = 0, *, legend: bool = True) -> Axes:
     """The control around one pair of steps, and that of the linear model with the steps at the times that fit best."""
-    draw_reconstruction(axes, found, pair)
-    return _legend(axes, legend)
+    return _draw(draw_reconstruction, axes, legend, found, pair)
 
 
 def _case(results: tuple[Result, ...]) -> CaseRuns:
@@ -277,8 +259,20 @@ def _case(results: tuple[Result, ...]) -> CaseRuns:
 
 
 def _panel(draw: Callable[[Axes, CaseRuns], object], axes: Axes, results: tuple[Result, ...], legend: bool) -> Axes:
-    draw(axes, _case(results))
+    return _draw(draw, axes, legend, _case(results))
+
+
+def _draw(draw: Callable[..., object], axes: Axes, legend: bool, *of: object) -> Axes:
+    draw(axes, *of)
     return _legend(axes, legend)
+
+
+def _map(draw: Callable[..., object], axes: Axes, legend: bool, *of: object) -> Axes:
+    """What has a legend of its own."""
+    draw(axes, *of)
+    if not legend and (drawn := axes.get_legend()) is not None:
+        drawn.remove()
+    return axes
 
 
 def _under_noise(case: CaseRuns) -> CaseRuns:

@@ -12,6 +12,7 @@ from icmj.case.quantity import quantities
 
 if TYPE_CHECKING:
     from icmj.case.result import Result
+    from icmj.plant.linear_plant import LinearPlant
 
 NAMED = 3  # outputs whose swing a sentence gives
 
@@ -72,6 +73,12 @@ def kind_in_words(run: Result) -> str:
     """The kind of a controller; switched feedback that never switches is continuous."""
     facts = run.controller.facts()
     return "continuous" if facts.get("switches") is False else run.controller.kind
+
+
+def label_outputs(plant: LinearPlant) -> list[str]:
+    """The outputs of a plant, each with the unit in which it is shown."""
+    labels = (shown.label(name) for name, shown in zip(plant.outputs, quantities(plant), strict=True))
+    return [label.replace("deg", "°") for label in labels]
 
 
 def list_rms(run: Result) -> list[str]:

@@ -60,7 +60,7 @@ def test_each_row_has_the_root_that_is_known_and_what_the_run_does(swept):
 def test_the_report_draws_the_size_of_the_sway(swept, tmp_path):
     drawn = list(pictures(swept))
     assert [picture.name for picture in drawn] == ["sway_linear"]
-    words = [text.get_text() for text in drawn[0].figure.axes[0].get_legend().get_texts()]
+    words = [text.get_text() for text in drawn[0].draw().axes[0].get_legend().get_texts()]
     assert words == ["falls", "limit of stability, feedback always on"]
     icmj.build_report([], tmp_path / "report.html", sweeps=[swept])
     page = (tmp_path / "report.html").read_text()

@@ -109,7 +109,7 @@ class AnalyseCommand(Overrides):
 
 def _plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices: Iterable[Notice]) -> dict[str, Any]:
     """What ``icmj analyse --json`` prints: the prediction and the notices about its plants."""
-    from icmj.base.numbers import collect_facts, plain
+    from icmj.base.numbers import collect_facts, pick, plain
     from icmj.case.comparison import finite
     from icmj.theory.prediction import PREDICTION
 
@@ -121,14 +121,7 @@ def _plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices:
             "missing": prediction.missing or None,
             "multipliers": prediction.multipliers,
             "crossings": [
-                {
-                    "delta": c.delta,
-                    "eigenvalue": c.eigenvalue,
-                    "kind": c.kind,
-                    "direction": c.direction,
-                    "largest_other": c.largest_other,
-                    "multiplicity": c.multiplicity,
-                }
+                pick(c, "delta", "eigenvalue", "kind", "direction", "largest_other", "multiplicity")
                 for c in prediction.crossings
             ],
             "orbits": [
@@ -146,8 +139,7 @@ def _plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices:
                 }
                 for one in prediction.orbits
             ],
-            "delta_max": prediction.delta_max,
-            "unresolved": prediction.unresolved,
+            **pick(prediction, "delta_max", "unresolved"),
             "beyond": None if prediction.beyond is None else prediction.beyond.delta,
             "neutral": prediction.neutral,
             "family": None if prediction.family is None else prediction.family.words,
@@ -161,12 +153,11 @@ def _plain_prediction(prediction: Prediction, outputs: tuple[str, ...], notices:
 
 def _plain_spread(spread: Spread | str) -> dict[str, Any]:
     """The same as ``icmj analyse --json`` prints it: numbers or ``null``, and the reason; nothing without noise."""
-    from icmj.base.numbers import plain
+    from icmj.base.numbers import pick, plain
 
     if isinstance(spread, str):
         return {"spread": None, "no_spread": spread} if spread else {}
-    names = ("deviation", "correlation", "shift", "epsilon")
-    return {"spread": plain({name: getattr(spread, name) for name in names})}
+    return {"spread": plain(pick(spread, "deviation", "correlation", "shift", "epsilon"))}
 
 
 def _show_roots(case: Case, json: bool, out: Terminal, err: Terminal) -> None:

@@ -73,37 +73,23 @@ class CycleCommand(Overrides):
 
 def _plain_cycle(found: Cycle, case: Case, prediction: Prediction) -> dict[str, Any]:
     """What ``icmj cycle --json`` prints."""
-    from icmj.base.numbers import plain
+    from icmj.base.numbers import pick, plain
 
     assumed, actual = case.assumed.linearisation.plant, case.actual.linearisation.plant
     return plain(
         {
             "plant": found.plant,
             "attracting": found.verdict == "attracting",
-            "verdict": found.verdict,
-            "mirrored": found.mirrored,
-            "events": found.events,
-            "interval": found.interval,
-            "intervals": found.intervals,
-            "period": found.period,
+            **pick(found, "verdict", "mirrored", "events", "interval", "intervals", "period"),
             "outputs": actual.outputs,
             "peak": found.y_peak,
             "range": found.y_range,
-            "multipliers": found.multipliers,
-            "multiplier_errors": found.multiplier_errors,
-            "neutral": found.neutral,
-            "alternating": found.alternating,
+            **pick(found, "multipliers", "multiplier_errors", "neutral", "alternating"),
             "states": {"plant": actual.states, "observer": assumed.states, "at_events": found.states},
             "closure": found.closure,
             "iterations": len(found.history) - 1,
-            "interval_error": found.interval_error,
-            "words": found.words,
-            "prediction": {
-                "delta_crit": prediction.delta_crit,
-                "period": prediction.period,
-                "verdict": prediction.verdict,
-                "multipliers": prediction.multipliers,
-            },
+            **pick(found, "interval_error", "words"),
+            "prediction": pick(prediction, "delta_crit", "period", "verdict", "multipliers"),
         }
     )
 
@@ -173,24 +159,18 @@ def _show_switched_cycle(case: Case, json: bool, out: Terminal, err: Terminal) -
 
 
 def _plain_switched_cycle(found: SwitchedCycle) -> dict[str, Any]:
-    from icmj.base.numbers import plain
+    from icmj.base.numbers import pick, plain
 
     return plain(
         {
             "plant": "linear",
-            "period": found.period,
-            "mirrored": found.mirrored,
-            "attracting": found.attracting,
+            **pick(found, "period", "mirrored", "attracting"),
             "switches": len(found.switches) * (2 if found.mirrored else 1),
             "times": found.switches,
             "outputs": found.law.plant.outputs,
             "peak": found.y_peak,
             "range": found.y_range,
-            "multipliers": found.multipliers,
-            "multiplier_errors": found.multiplier_errors,
-            "states": found.states,
-            "closure": found.closure,
-            "words": found.words,
+            **pick(found, "multipliers", "multiplier_errors", "states", "closure", "words"),
         }
     )
 

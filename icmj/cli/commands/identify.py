@@ -110,16 +110,10 @@ def _make_unknown(command: IdentifyCommand, run: RunFile) -> Unknown:
 
 
 def _plain(path: Path, result: Identification) -> dict[str, object]:
-    return {
-        "motion": str(path),
-        "unknown": result.name,
-        "value": result.value,
-        "intervals": result.intervals,
-        "way": result.way,
-        "probability": result.probability,
-        "edge": result.edge,
-        "words": result.words,
-    }
+    from icmj.base.numbers import pick
+
+    told = pick(result, "value", "intervals", "way", "probability", "edge", "words")
+    return {"motion": str(path), "unknown": result.name, **told}
 
 
 COMMAND = IdentifyCommand

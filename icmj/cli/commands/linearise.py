@@ -88,31 +88,18 @@ class LineariseCommand(Command):
 
 def plain_linearisation(linearisation: Linearisation, quality: Quality, told: Iterable[Notice]) -> dict[str, Any]:
     """What ``icmj linearise --json`` prints; ``told`` is what was chosen where nothing was named."""
-    from icmj.base.numbers import plain
+    from icmj.base.numbers import pick, plain
 
     plant = linearisation.plant
     return plain(
         {
-            "A": plant.A,
-            "B": plant.B,
-            "C": plant.C,
-            "B_d": plant.B_d,
-            "poles": plant.poles,
-            "states": plant.states,
-            "inputs": plant.inputs,
-            "outputs": plant.outputs,
+            **pick(plant, "A", "B", "C", "B_d", "poles", "states", "inputs", "outputs"),
             "units": {"states": plant.state_units, "inputs": plant.input_units, "outputs": plant.output_units},
             "residual": linearisation.residual,
             "quality": {
                 "residual": quality.residual,
                 "errors": dict(zip("ABC", quality.errors, strict=True)),
-                "kinks": quality.kinks,
-                "margins": quality.margins,
-                "room": quality.room,
-                "feedthrough": quality.feedthrough,
-                "excesses": quality.excesses,
-                "dead": quality.dead,
-                **{kind: getattr(quality, kind) for kind in MODES},
+                **pick(quality, "kinks", "margins", "room", "feedthrough", "excesses", "dead", *MODES),
             },
             "notices": (*told, *quality.notices),
         }
@@ -142,14 +129,16 @@ def save_plant(plant: LinearPlant, path: Path) -> None:
     import numpy as np
 
     from icmj.base.files import write_bytes
+    from icmj.base.numbers import pick
 
     if path.suffix != ".npz":
         raise ModelError(f"{path}: the matrices are saved as .npz; call it {path.with_suffix('.npz').name}")
-    names = {kind: np.array(getattr(plant, kind), dtype=str) for kind in ("states", "inputs", "outputs")}
-    units = {f"{kind[:-1]}_units": np.array(getattr(plant, f"{kind[:-1]}_units"), dtype=str) for kind in names}
+    words = pick(plant, "states", "inputs", "outputs", "state_units", "input_units", "output_units")
     stream = BytesIO()
-    matrices = {"A": plant.A, "B": plant.B, "C": plant.C, "B_d": plant.B_d, "poles": plant.poles}
-    np.savez_compressed(stream, allow_pickle=False, **matrices, **names, **units)
+    np.savez_compressed(
+        stream, allow_pickle=False, **pick(plant, "A", "B", "C", "B_d", "poles"),
+        **{name: np.array(each, dtype=str) for name, each in words.items()},
+    )  # fmt: skip
     try:
         write_bytes(path, stream.getvalue())
     except OSError as error:

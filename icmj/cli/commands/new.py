@@ -88,7 +88,7 @@ def _write_run(given: Path, command: NewCommand, err: Terminal) -> list[str]:
     for shelf in (RUNS, SWEEPS, EXPERIMENTS, FAMILIES):
         if (shipped := shelf.meant(given)) != given:
             out = command.out or Path(f"{given.name}.toml")
-            files = _copy(shipped, out) if shelf is RUNS else _copy_file(shipped, out)
+            files = _copy(shipped, out)
             beside = ", ".join(map(str, files[1:]))
             does = {"runs": "icmj analyse", "sweeps": FILES["sweep"], "experiments": FILES["experiment"]}
             return [
@@ -223,44 +223,24 @@ def _note_shipped(model: Path) -> list[str]:
 
 
 def _copy(shipped: Path, out: Path) -> list[Path]:
-    """The run file of a shipped case, and the models that it names, side by side."""
-    from icmj.base.files import expect_replaceable, read_bytes, write_bytes, write_text
-    from icmj.engine.model_files import MOST_BYTES
-    from icmj.runfile.reading import load_run
+    """A shipped file, and side by side what it names: models of a case, the run file of a family without a name."""
+    from icmj.base.files import expect_replaceable, write_bytes, write_text
+    from icmj.work.folder import digest_of
 
-    run = load_run(shipped)
     _refuse_existing(out)
-    text = run.text.replace(f"runs/{shipped.name}", str(out))
-    models: dict[str, Path] = {}
-    for name in filter(None, (run.assumed.model, run.actual.model)):
-        models[name] = out.parent / Path(name).name
-        text = text.replace(f'"{name}"', f'"{Path(name).name}"')
-    expect_replaceable(*models.values())
-    for name, target in models.items():
-        source = shipped.parent / name
-        if target.exists() and read_bytes(target, MOST_BYTES) != source.read_bytes():
-            raise RunFileError(f"{target}: exists already and is another model; choose another folder with --out")
-    for name, target in models.items():
+    text = shipped.read_text(encoding="utf-8").replace(f"runs/{shipped.name}", str(out))
+    named = re.findall(r'^(run|model) = "([^"]+/[^"]+)"', text, re.MULTILINE)
+    copies = {name: (key, out.parent / Path(name).name) for key, name in named}
+    expect_replaceable(*(target for _, target in copies.values()))
+    for name, (key, target) in copies.items():
+        if target.exists() and digest_of(target) != digest_of(shipped.parent / name):
+            what = {"run": "run file"}.get(key, key)
+            raise RunFileError(f"{target}: exists already and is another {what}; choose another folder with --out")
+        text = text.replace(f'"{name}"', f'"{target.name}"')
+    for name, (_, target) in copies.items():
         write_bytes(target, (shipped.parent / name).read_bytes())
     write_text(out, text)
-    return [out, *models.values()]
-
-
-def _copy_file(shipped: Path, out: Path) -> list[Path]:
-    """A shipped sweep, experiment or family, and the run file of a family, which has no name of its own."""
-    from icmj.base.files import expect_replaceable, write_bytes, write_text
-
-    _refuse_existing(out)
-    text, beside = shipped.read_text(encoding="utf-8"), list[Path]()
-    for name in dict.fromkeys(re.findall(r'^run = "(runs/[^"]+)"', text, re.MULTILINE)):
-        target, source = out.parent / Path(name).name, shipped.parent / name
-        expect_replaceable(target)
-        if target.exists() and target.read_bytes() != source.read_bytes():
-            raise RunFileError(f"{target}: exists already and is another run file; choose another folder with --out")
-        write_bytes(target, source.read_bytes())
-        text, beside = text.replace(f'"{name}"', f'"{target.name}"'), [*beside, target]
-    write_text(out, text)
-    return [out, *beside]
+    return [out, *(target for _, target in copies.values())]
 
 
 def _refuse_existing(out: Path) -> None:

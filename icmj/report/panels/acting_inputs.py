@@ -10,23 +10,23 @@ from icmj.report.case_runs import CaseRuns
 from icmj.report.panel import Panel
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
 def _draw(case: CaseRuns) -> Figure:
     """(g) Command and what acts, of every input where they differ; under noise the latter part."""
     inputs = acting_inputs(case)
-    figure, stack = style.new_figure(style.TALL if len(inputs) > 1 else style.HEIGHT, len(inputs))
-    for axes, i in zip(stack, inputs, strict=True):
-        draw_acting(axes, case, i)
-        axes.set_xlabel("$t$ (s)" if axes is stack[-1] else "")
+
+    def draw(axes: Axes, k: int) -> None:
+        draw_acting(axes, case, inputs[k])
         if len(inputs) > 1:  # names of inputs are longer than axes are high
             name, _, unit = axes.get_ylabel().partition(" (")
             axes.set_ylabel(f"({unit}" if unit else "")
             axes.text(0.01, 0.98, name, transform=axes.transAxes, va="top", style="italic")
-    figure.align_ylabels(stack)
-    style.link("time", *stack)
-    style.legend(figure, stack[0])
+
+    figure = style.each_output(len(inputs), draw, "$t$ (s)")
+    style.link("time", *figure.axes)
     return figure
 
 

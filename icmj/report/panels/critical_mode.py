@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from icmj.report import style
 from icmj.report.axes.modes import draw_critical, draw_mode_errors, draw_norm, draw_others
 from icmj.report.case_runs import CaseRuns, compares
-from icmj.report.panel import Panel
+from icmj.report.panel import Panel, draw_alone
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,11 +19,7 @@ def _draw(case: CaseRuns) -> Figure:
     Where χ is undefined (no Δ_crit), the norm of x̄ is drawn instead.
     """
     if case.prediction.V_inv is None:
-        figure, (axes,) = style.new_figure()
-        draw_norm(axes, case)
-        style.link("time", axes)
-        style.legend(figure, axes)
-        return figure
+        return draw_alone(lambda axes: draw_norm(axes, case), "time")
     settles = case.prediction.cycle and not case.first.simulation.noisy
     if settles:
         figure, stack = style.new_figure(style.MIDDLE, shares=(1.2, 1.2, 1))

@@ -5,20 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from icmj.case.laid_orbit import beside
-from icmj.report import style
 from icmj.report.axes.hold_error import WITHIN, draw_hold_error, list_hold_errors, predict_spread
 from icmj.report.case_runs import CaseRuns, compares
-from icmj.report.panel import Panel
+from icmj.report.panel import Panel, draw_alone
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 def _draw(case: CaseRuns) -> Figure:
-    figure, (axes,) = style.new_figure()
-    draw_hold_error(axes, case)
-    style.legend(figure, axes)
-    return figure
+    return draw_alone(lambda axes: draw_hold_error(axes, case))
 
 
 def _describe(case: CaseRuns) -> str:

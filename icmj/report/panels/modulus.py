@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from icmj.report import style
 from icmj.report.axes.eigenvalues import draw_modulus
 from icmj.report.case_runs import CaseRuns
-from icmj.report.panel import Panel
+from icmj.report.panel import Panel, draw_alone
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 def _draw(case: CaseRuns) -> Figure:
-    figure, (axes,) = style.new_figure()
-    draw_modulus(axes, case)
-    style.legend(figure, axes)
-    return figure
+    return draw_alone(lambda axes: draw_modulus(axes, case))
 
 
 def _describe(case: CaseRuns) -> str:

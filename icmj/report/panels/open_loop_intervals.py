@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from icmj.report import style
 from icmj.report.axes.intervals import draw_interval_errors, draw_intervals
 from icmj.report.case_runs import CaseRuns, shown_interval
-from icmj.report.panel import Panel
+from icmj.report.panel import Panel, draw_alone
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -15,11 +15,7 @@ if TYPE_CHECKING:
 
 def _draw(case: CaseRuns) -> Figure:
     if not _settles(case):
-        figure, (axes,) = style.new_figure()
-        draw_intervals(axes, case)
-        style.link("time", axes)
-        style.legend(figure, axes)
-        return figure
+        return draw_alone(lambda axes: draw_intervals(axes, case), "time")
     figure, (axes, strip) = style.new_figure(style.MIDDLE, shares=(2.2, 1))
     draw_intervals(axes, case)
     draw_interval_errors(strip, case)

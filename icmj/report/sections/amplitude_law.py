@@ -9,10 +9,10 @@ import numpy as np
 from icmj.base import numbers
 from icmj.case.quantity import in_unit, threshold_unit
 from icmj.case.result import Result
-from icmj.report import style
 from icmj.report.axes.law import draw_law
 from icmj.report.case_runs import CaseRuns
 from icmj.report.material import Material
+from icmj.report.panel import draw_alone
 from icmj.report.picture import Drawing
 from icmj.report.section import Section
 
@@ -58,11 +58,9 @@ def _find_measured(case: CaseRuns) -> Result | None:
 
 def draw_figure(result: Result) -> Figure:
     """The figure of :func:`draw_law`, of a result that has a law."""
-    figure, (axes,) = style.new_figure()
-    assert result.law is not None
-    draw_law(axes, result.law, threshold_unit(result))
-    style.legend(figure, axes)
-    return figure
+    law = result.law
+    assert law is not None
+    return draw_alone(lambda axes: draw_law(axes, law, threshold_unit(result)))
 
 
 TEMPLATE = """\

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 from icmj.base import numbers
 from icmj.case.quantity import threshold_unit
@@ -14,22 +12,10 @@ from icmj.report.judgement import verdicts
 from icmj.report.material import Material
 from icmj.report.panel import Panel
 from icmj.report.panels import PANELS
-from icmj.report.picture import Drawing, Picture
+from icmj.report.picture import Drawing
 from icmj.report.section import Section
 from icmj.report.wording import describe_sway
 from icmj.runfile.schema import RunFile
-
-if TYPE_CHECKING:
-    from icmj.report.panel import Panel
-
-
-@dataclass(frozen=True)
-class DrawnPanel:
-    """A panel of one case on the page: letter, picture, and caption."""
-
-    letter: str
-    picture: Picture
-    caption: str
 
 
 def compose(material: Material) -> Section | None:
@@ -42,7 +28,7 @@ def compose(material: Material) -> Section | None:
             "sway": describe_sway(case.last),
             "motion": material.case_motions.get(case.name),
             "panels": [
-                DrawnPanel(panel.letter, material.show(drawing), panel.caption(case))
+                {"letter": panel.letter, "picture": material.show(drawing), "caption": panel.caption(case)}
                 for panel, drawing in _panels_of(case)
             ],
             "caption": _figure_caption(case),

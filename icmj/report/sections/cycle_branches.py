@@ -19,8 +19,6 @@ from icmj.report.style import NAME
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from icmj.cycle.branch import Branch
-
 
 _BRANCHES = (
     "(a) Open-loop intervals and (b) peak of the first output against the parameter; solid: attracting cycles, "

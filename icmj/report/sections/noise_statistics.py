@@ -15,9 +15,11 @@ from icmj.report import style
 from icmj.report.axes.noise import draw_histogram, draw_spectrum
 from icmj.report.case_runs import CaseRuns
 from icmj.report.material import Material
+from icmj.report.panel import draw_alone
 from icmj.report.picture import Drawing
 from icmj.report.section import Section
 from icmj.report.style import NAME
+from icmj.report.wording import label_outputs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,10 +31,7 @@ def compose(material: Material) -> Section | None:
         {
             "title": case.first.run.title,
             "pictures": [material.show(drawing) for drawing in drawings],
-            "outputs": [
-                shown.label(name).replace("deg", "°")
-                for name, shown in zip(case.first.actual.outputs, quantities(case.first.actual), strict=True)
-            ],
+            "outputs": label_outputs(case.first.actual),
             "rows": _rows(case),
             "cycle": _cycle_sentence(case),
             "sway": _sway(case),
@@ -55,10 +54,7 @@ def list_drawings(case: CaseRuns) -> list[Drawing]:
 
 
 def _draw_intervals(case: CaseRuns) -> Figure:
-    figure, (axes,) = style.new_figure()
-    draw_histogram(axes, case)
-    style.legend(figure, axes)
-    return figure
+    return draw_alone(lambda axes: draw_histogram(axes, case))
 
 
 def _draw_spectra(case: CaseRuns) -> Figure:

@@ -17,7 +17,7 @@ from icmj.report.material import Material
 from icmj.report.picture import Drawing
 from icmj.report.section import Section
 from icmj.report.style import NAME
-from icmj.report.wording import kind_in_words, list_rms, notice_in_words
+from icmj.report.wording import kind_in_words, label_outputs, list_rms, notice_in_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,7 +40,7 @@ def compose(material: Material) -> Section | None:
             ),
             "motion": material.other_motions.get(name),
             "facts": _controller_facts(same[0]),
-            "outputs": _outputs(same[0]),
+            "outputs": label_outputs(same[0].actual),
             "rows": [_row(run) for run in same],
             "notices": list(map(notice_in_words, dict.fromkeys(notice for run in same for notice in run.notices))),
         }
@@ -51,13 +51,6 @@ def compose(material: Material) -> Section | None:
 
 def _controller_facts(run: Result) -> list[tuple[str, str]]:
     return [(key.replace("_", " "), numbers.setting(_show(value))) for key, value in run.controller.facts().items()]
-
-
-def _outputs(run: Result) -> list[str]:
-    return [
-        shown.label(name).replace("deg", "°")
-        for name, shown in zip(run.actual.outputs, quantities(run.actual), strict=True)
-    ]
 
 
 def _row(run: Result) -> dict[str, Any]:

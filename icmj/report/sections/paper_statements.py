@@ -49,8 +49,9 @@ def _note(case: CaseRuns) -> str:
 
 @dataclass(frozen=True)
 class Departure:
-    """Where this project departs from the paper, and why."""
+    """Where this project departs from the paper, and why; of what begins with ``figures`` among the paper's."""
 
+    figures: str
     title: str
     text: str
 
@@ -58,45 +59,41 @@ class Departure:
 def differences(cases: Sequence[CaseRuns]) -> list[Departure]:
     """The departures that concern these cases."""
     figures = {case.first.run.case.paper.figure for case in cases} - {""}
-    found = []
-    if "simple-neglected" in figures:
-        found.append(
-            Departure(
-                "A probable misprint",
-                "For the neglected dynamics the paper prints a damping ratio ζ = 0.5 (and omits a factor s next to "
-                "it). With this value the recovered design has Δ_crit = 2.169 s and a stable A − Bk; the paper has "
-                "3.6 s and an unstable A − Bk. With ζ = 0.1 both statements of the paper hold. Since the paper does "
-                "not print its design, 0.5 is only probably a misprint. ζ = 0.1 is taken as the case of the paper, "
-                "and ζ = 0.5 is shown in addition, “as printed”.",
-            )
-        )
-    if any(figure.startswith("three=") for figure in figures):
-        found.append(
-            Departure(
-                "The three-link plant is a calibration",
-                "The paper takes its standing model from earlier work and prints none of its parameters. Here the "
-                "segments are those of Winter (2009) for a person of 80 kg and 1.80 m; passive stiffness and damping "
-                "of the joints were chosen to obtain both published intervals. It is not the author’s model.",
-            )
-        )
-    if figures:
-        found.append(
-            Departure(
-                "The design was recovered",
-                "The paper prints no weights. One set of LQ weights was found by a search such that the intervals of "
-                "its two second-order systems agree with the printed ones; it is used for all of them. These intervals "
-                "therefore test the design less than the periods, the mirrored halves and the convergence do. The "
-                "weights of the three-link system are part of its calibration.",
-            )
-        )
-        found.append(
-            Departure(
-                "Choices of this study",
-                "The paper does not print Q_t, q_t, Δ_min, initial states and durations either. Δ_crit does not depend "
-                "on them; they determine the amplitude, and which attractor a run reaches.",
-            )
-        )
-    return found
+    return [one for one in DEPARTURES if any(figure.startswith(one.figures) for figure in figures)]
+
+
+DEPARTURES = (
+    Departure(
+        "simple-neglected",
+        "A probable misprint",
+        "For the neglected dynamics the paper prints a damping ratio ζ = 0.5 (and omits a factor s next to "
+        "it). With this value the recovered design has Δ_crit = 2.169 s and a stable A − Bk; the paper has "
+        "3.6 s and an unstable A − Bk. With ζ = 0.1 both statements of the paper hold. Since the paper does "
+        "not print its design, 0.5 is only probably a misprint. ζ = 0.1 is taken as the case of the paper, "
+        "and ζ = 0.5 is shown in addition, “as printed”.",
+    ),
+    Departure(
+        "three=",
+        "The three-link plant is a calibration",
+        "The paper takes its standing model from earlier work and prints none of its parameters. Here the "
+        "segments are those of Winter (2009) for a person of 80 kg and 1.80 m; passive stiffness and damping "
+        "of the joints were chosen to obtain both published intervals. It is not the author’s model.",
+    ),
+    Departure(
+        "",
+        "The design was recovered",
+        "The paper prints no weights. One set of LQ weights was found by a search such that the intervals of "
+        "its two second-order systems agree with the printed ones; it is used for all of them. These intervals "
+        "therefore test the design less than the periods, the mirrored halves and the convergence do. The "
+        "weights of the three-link system are part of its calibration.",
+    ),
+    Departure(
+        "",
+        "Choices of this study",
+        "The paper does not print Q_t, q_t, Δ_min, initial states and durations either. Δ_crit does not depend "
+        "on them; they determine the amplitude, and which attractor a run reaches.",
+    ),
+)
 
 
 TEMPLATE = """\

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +22,7 @@ from icmj.report.section import Section
 from icmj.report.style import NAME
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -38,13 +39,8 @@ def _draw_pictures(swept: SweepTable, material: Material) -> list[tuple[Picture,
     """Pictures of a sweep, with their captions."""
     try:
         with style.apply():
-            return [
-                (
-                    material.draw(Drawing(f"{swept.name}_{each.name}", each.caption, each.get_figure)),
-                    each.caption,
-                )
-                for each in pictures(swept)
-            ]
+            drawn = [replace(each, name=f"{swept.name}_{each.name}") for each in pictures(swept)]
+            return [(material.draw(each), each.alt) for each in drawn]
     except (ValueError, ArithmeticError) as error:  # matplotlib's, of numbers near the ends of their range
         raise ReportError(f"sweep {swept.name!r} cannot be drawn ({one_line(error, 160)})") from error
 
@@ -99,20 +95,7 @@ def _range(swept: SweepTable, name: str) -> str:
 _WIDE = 130.0  # mm
 
 
-@dataclass(frozen=True, eq=False)
-class SweptPicture:
-    """One figure of a sweep: the end of its file name, the figure, and its caption."""
-
-    name: str
-    figure: Figure
-    caption: str
-
-    def get_figure(self) -> Figure:
-        """The figure, which is drawn already."""
-        return self.figure
-
-
-def pictures(swept: SweepTable) -> Iterator[SweptPicture]:
+def pictures(swept: SweepTable) -> Iterator[Drawing]:
     """All that can be drawn of a sweep: a map of validity, basins, a curve of Δ_crit, or the size of the sway."""
     numeric = [(name, field) for name, field in swept.varies if _varies(swept, name)]
     plants = [plant for plant in ("linear", "mujoco") if f"{plant}_kind" in swept.table.column_names]
@@ -129,47 +112,44 @@ def pictures(swept: SweepTable) -> Iterator[SweptPicture]:
             f"Critical interval against {name}: solid where a cycle is predicted, dashed where none is. Marks: "
             f"intervals of the cycles on which the runs settled.{_rings(swept)}"
         )
-        yield SweptPicture("delta_crit", figure, caption)
+        yield _show("delta_crit", figure, caption)
     if len(numeric) != 2:
         return
     (x, _), (y, _) = numeric
     for plant in plants:
         try:
             if len(starts) == 2:
-                figure, (axes,) = style.new_figure(95.0, width=_WIDE)
-                _below_the_legend(figure)
+                figure, axes = _new_map(95.0)
                 draw_basins(axes, swept, x, y, plant)
                 caption = f"The motion to which each initial state leads, {_plant(plant)}."
-                yield SweptPicture(f"basins_{plant}", figure, caption)
+                yield _show(f"basins_{plant}", figure, caption)
             else:
-                yield SweptPicture(f"validity_{plant}", _validity(swept, x, y, plant), _caption(plant))
+                yield _show(f"validity_{plant}", _validity(swept, x, y, plant), _caption(plant))
         except ReportError:  # not on a grid, so there is no map of it
             return
 
 
-def _draw_sizes(swept: SweepTable, names: list[str]) -> Iterator[SweptPicture]:
+def _draw_sizes(swept: SweepTable, names: list[str]) -> Iterator[Drawing]:
     """The size of the sway over one or two things that vary."""
     plants = [plant for plant in ("linear", "mujoco") if f"{plant}_outcome" in swept.table.column_names]
     if len(names) == 1 and plants:
         figure, (axes,) = style.new_figure(70.0, width=_WIDE)
         draw_sway_curve(axes, swept, names[0])
         style.legend(figure, axes, columns=2)
-        yield SweptPicture("sway", figure, "Standard deviation of the first output, in the second half of each run.")
+        yield _show("sway", figure, "Standard deviation of the first output, in the second half of each run.")
     for plant in plants if len(names) == 2 else ():
-        figure, (axes,) = style.new_figure(80.0, width=_WIDE)
-        _below_the_legend(figure)
+        figure, axes = _new_map(80.0)
         try:
             bar = figure.colorbar(draw_sway(axes, swept, names[0], names[1], plant), ax=axes, pad=0.02)
         except ReportError:  # not on a grid, so there is no map of it
             return
         bar.set_label(r"$\log_{10}$ of the first output’s standard deviation")
         caption = f"Size of the sway in the second half of each run, {_plant(plant)}. Hatched: it falls."
-        yield SweptPicture(f"sway_{plant}", figure, caption)
+        yield _show(f"sway_{plant}", figure, caption)
 
 
 def _validity(swept: SweepTable, x: str, y: str, plant: str) -> Figure:
-    figure, (axes,) = style.new_figure(80.0, width=_WIDE)
-    _below_the_legend(figure)
+    figure, axes = _new_map(80.0)
     mesh = draw_validity(axes, swept, x, y, plant)
     bar = figure.colorbar(mesh, ax=axes, ticks=range(-8, 0), pad=0.02)
     bar.ax.set_yticklabels([rf"$10^{{{tick}}}$" for tick in range(-8, 0)])
@@ -177,10 +157,17 @@ def _validity(swept: SweepTable, x: str, y: str, plant: str) -> Figure:
     return figure
 
 
-def _below_the_legend(figure: Figure) -> None:
-    axes = figure.axes[0]
+def _new_map(height: float) -> tuple[Figure, Axes]:
+    """A figure [mm] with room for a legend above its axes."""
+    figure, (axes,) = style.new_figure(height, width=_WIDE)
     box = axes.get_position()
     axes.set_position((box.x0, box.y0, box.width, box.height * 0.97))
+    return figure, axes
+
+
+def _show(name: str, figure: Figure, caption: str) -> Drawing:
+    """A figure that is drawn already: the end of its file name, and what is said beneath it."""
+    return Drawing(name, caption, lambda: figure)
 
 
 def _rings(swept: SweepTable) -> str:
