@@ -96,6 +96,15 @@ class FitError(IcmjError):
 
 
 @contextmanager
+def explain_refusal(error: type[IcmjError], words: str, instead: str = "") -> Iterator[None]:
+    """What the file system refuses within the block is an ``error``: ``words``, its reason, and what to do."""
+    try:
+        yield
+    except OSError as why:
+        raise error(f"{words} ({why.strerror or why}){instead}") from why
+
+
+@contextmanager
 def prefix_errors(path: Path | str) -> Iterator[None]:
     """Errors within the block begin with the path of the file that they are about."""
     try:

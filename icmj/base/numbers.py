@@ -34,6 +34,11 @@ def number(value: float | None, figures: int = 4) -> str:
     power = int(exponent)
     if -4 < power < 5:
         return f"{float(f'{value:.{figures - 1}e}'):.{max(figures - 1 - power, 0)}f}".replace("-", "−")
+    return _power(mantissa, power)
+
+
+def _power(mantissa: str, power: int) -> str:
+    """Scientific notation: ``1.2 × 10⁻³``, without places to break a line."""
     return f"{mantissa}\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
 
 
@@ -122,9 +127,7 @@ def error(value: float | None, *, signed: bool = True) -> str:
     if abs(value) < 1e-14:
         return "< 10⁻¹⁴"
     mantissa, exponent = (f"{value:+.1e}" if signed else f"{abs(value):.1e}").split("e")
-    return f"{mantissa}\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace(
-        "-", "−"
-    )
+    return _power(mantissa, int(exponent))
 
 
 def eigenvalue(value: complex | None) -> str:

@@ -56,8 +56,9 @@ def _is(value: Any, hint: Any, where: str) -> bool:
     if origin is np.ndarray or hint is np.ndarray:
         return isinstance(value, np.ndarray) and value.dtype.kind in _kinds(arguments)
     if origin is tuple:
-        return isinstance(value, tuple) and all(_each(item, arguments[0], f"{where}.{i}") for i, item in _list(value))
-    if origin in (Mapping, Mapping, dict):
+        items = enumerate(value) if isinstance(value, tuple) else ()
+        return isinstance(value, tuple) and all(_each(item, arguments[0], f"{where}.{i}") for i, item in items)
+    if origin in (Mapping, dict):
         return isinstance(value, dict) and all(
             isinstance(key, str) and _each(item, arguments[1], f"{where}.{key}") for key, item in value.items()
         )
@@ -77,10 +78,6 @@ def _is(value: Any, hint: Any, where: str) -> bool:
 def _each(value: Any, hint: Any, where: str) -> bool:
     _check(value, hint, where)
     return True
-
-
-def _list(values: tuple[Any, ...]) -> list[tuple[int, Any]]:
-    return list(enumerate(values))
 
 
 def _kinds(arguments: tuple[Any, ...]) -> str:

@@ -30,19 +30,11 @@ def write_figures(recording: rr.RecordingStream, scene: Scene) -> None:
     apart = 0.36 * measure_height(scene)
     recording.log(ROOT, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     _write_floor(recording, scene, apart)
-    figures = (
-        ("true", "true sway", -apart, scene.xpos, scene.xquat, scene.com, scene.target),
-        (
-            "magnified",
-            f"sway × {scene.magnification:g}",
-            apart,
-            scene.magnified_xpos,
-            scene.magnified_xquat,
-            scene.magnified_com,
-            scene.magnified_target,
-        ),
-    )
-    for name, label, x, xpos, xquat, com, target in figures:
+    for name, label, x, prefix in (
+        ("true", "true sway", -apart, ""),
+        ("magnified", f"sway × {scene.magnification:g}", apart, "magnified_"),
+    ):
+        xpos, xquat, com, target = (getattr(scene, f"{prefix}{of}") for of in ("xpos", "xquat", "com", "target"))
         root = f"{ROOT}/{name}"
         recording.log(root, rr.Transform3D(translation=[x, 0.0, 0.0]), static=True)
         _write_bodies(recording, root, scene, xpos[shown], xquat[shown], time)
@@ -256,12 +248,10 @@ def _poses(found: dict[str, Columns], name: str, bodies: list[str], count: int) 
 
 def _geoms(kind: str, archetype: str, body: int, of: Columns) -> list[Geom]:
     quat = of["quaternions"][:, [3, 0, 1, 2]].astype(float)
-    w, x, y, z = quat.T
-    axis = np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z])
     if archetype in ("Capsules3D", "Cylinders3D"):
         size = np.column_stack([of["radii"], of["lengths"] / 2, 0 * of["radii"]])
         # capsules start at z = 0, MuJoCo's are centred
-        pos = of["translations"] + size[:, 1:2] * axis if kind == "capsule" else of["centers"]
+        pos = of["translations"] + size[:, 1:2] * _z_axis(quat) if kind == "capsule" else of["centers"]
     else:
         size, pos = of["half_sizes"], of["centers"]
     colours = (of["colors"].astype(np.uint32)[:, None] >> np.array([24, 16, 8, 0])) & 255

@@ -21,7 +21,7 @@ from icmj.base.array import is_between
 from icmj.base.files import expect_replaceable, write_bytes
 from icmj.base.interruption import catch_termination, interrupt_once
 from icmj.base.text import one_line
-from icmj.errors import LogError
+from icmj.errors import LogError, explain_refusal
 from icmj.log.program import find_program, salvage
 from icmj.log.reader import DamagedLog, read_summary
 
@@ -116,10 +116,8 @@ def _screenshot(log: Path, target: Path, time: float | None, size: tuple[int, in
     """Render ``log`` at ``time`` without a screen."""
     if not target.parent.is_dir():
         raise LogError(f"{target}: no such folder {target.parent}")
-    try:
+    with explain_refusal(LogError, f"{target}: cannot be written"):
         expect_replaceable(target)
-    except OSError as error:
-        raise LogError(f"{target}: cannot be written ({error.strerror})") from error
     outcome = read_summary(log).get("outcome", {})
     end = float(outcome.get("time", 0.0))
     at = 0.9 * end if time is None else time
@@ -138,10 +136,8 @@ def _screenshot(log: Path, target: Path, time: float | None, size: tuple[int, in
             raise LogError(f"{log}: no picture ({why})") from error
     if not picture.startswith(b"\x89PNG") or b"IEND" not in picture[-16:]:
         raise LogError(f"{log}: the viewer gave no complete picture")
-    try:
+    with explain_refusal(LogError, f"{target}: cannot be written"):
         write_bytes(target, picture)
-    except OSError as error:
-        raise LogError(f"{target}: cannot be written ({error.strerror})") from error
 
 
 def _picture(port: int, at: float) -> bytes:

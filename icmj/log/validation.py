@@ -69,9 +69,7 @@ def _plants(result: Result) -> None:
 def _simulation(result: Result, name: str, simulation: Simulation, m: int) -> None:
     n, n_u, n_y = result.actual.n, result.actual.n_u, result.actual.n_y
     N = _rising(f"{name}.t", simulation.t, least=1)
-    for key, width in (("x", n), ("y", n_y), ("u", n_u), ("x_o", m), ("x_h", m)):
-        _shape(f"{name}.{key}", getattr(simulation, key), N, width)
-    _shape(f"{name}.E", simulation.E, N)
+    _shapes(name, simulation, x=(N, n), y=(N, n_y), u=(N, n_u), x_o=(N, m), x_h=(N, m), E=(N,))
     if simulation.applied.size:
         _shape(f"{name}.applied", simulation.applied, N, n_u)
     acting = simulation.applied.shape[1] + simulation.pushed.shape[1] + (m + 1 if m else 0)
@@ -92,17 +90,13 @@ def _simulation(result: Result, name: str, simulation: Simulation, m: int) -> No
     events, end = simulation.events, simulation.outcome.t
     _require(np.isfinite(end) and end >= 0, f"{name}.outcome.t", f"is {end}; expected a time")
     if (followed := simulation.setpoint) is not None:
-        for key, *shape in (
-            ("x_ss", result.assumed.n, len(followed.names)),
-            ("u_ss", n_u, len(followed.names)),
-            ("terms", None, 6),
-        ):
-            _shape(f"{name}.setpoint.{key}", getattr(followed, key), *shape)
+        r = len(followed.names)
+        _shapes(f"{name}.setpoint", followed, x_ss=(result.assumed.n, r), u_ss=(n_u, r), terms=(None, 6))
     _rising(f"{name}.edges", simulation.edges, least=0)
     K = _rising(f"{name}.events.t", events.t, least=0)
     _require(K == 0 or events.t[-1] <= simulation.t[-1] * (1 + 1e-9), f"{name}.events.t", "ends after the run")
-    for key, width in (("x", n), ("x_o", m), ("x_h", m), ("y_max", n_y), ("y_min", n_y)):
-        _shape(f"{name}.events.{key}", getattr(events, key), K, width if K else None)
+    widths = {"x": n, "x_o": m, "x_h": m, "y_max": n_y, "y_min": n_y}
+    _shapes(f"{name}.events", events, **{key: (K, width if K else None) for key, width in widths.items()})
 
 
 def _pressure(name: str, simulation: Simulation) -> None:
@@ -111,11 +105,8 @@ def _pressure(name: str, simulation: Simulation) -> None:
         return
     K, G = len(pressure.t_after), len(pressure.geoms)
     _require(K in (0, len(simulation.events)), f"{name}.t_after", f"has {K} times for {len(simulation.events)} events")
-    for key, *shape in (
-        *(("t", N), ("centre", N, 2), ("at_rest", 2), ("load", N, G), ("load_at_rest", G)),
-        *(("t_after", K), ("centre_after", K, 2), ("load_after", K, G)),
-    ):
-        _shape(f"{name}.{key}", getattr(pressure, key), *shape)
+    _shapes(name, pressure, t=(N,), centre=(N, 2), at_rest=(2,), load=(N, G), load_at_rest=(G,))
+    _shapes(name, pressure, t_after=(K,), centre_after=(K, 2), load_after=(K, G))
 
 
 def _measurement(result: Result) -> None:
@@ -144,12 +135,7 @@ def _prediction(result: Result, prediction: Prediction) -> None:
         _positive(f"prediction.{key}", getattr(prediction, key))
     for i, crossing in enumerate(prediction.crossings):
         _positive(f"prediction.crossings.{i}.delta", crossing.delta)
-    if prediction.amplitude is not None:
-        _shape("prediction.amplitude", prediction.amplitude, result.actual.n_y)
-    if prediction.V_inv is not None:
-        _shape("prediction.V_inv", prediction.V_inv, size, size)
-    if prediction.multipliers is not None:
-        _shape("prediction.multipliers", prediction.multipliers, None)
+    _shapes("prediction", prediction, amplitude=(result.actual.n_y,), V_inv=(size, size), multipliers=(None,))
     if prediction.delta_crit is not None:
         missing = [key for key in ("eigenvalue", "orbit", "gamma") if getattr(prediction, key) is None]
         _require(not missing, "prediction", f"has a Δ_crit, but no {', '.join(missing)}")
@@ -161,10 +147,7 @@ def _prediction(result: Result, prediction: Prediction) -> None:
         where = f"prediction.others.{i}"
         _positive(f"{where}.crossing.delta", other.crossing.delta)
         _orbit(result, f"{where}.orbit", other.orbit)
-        if other.V_inv is not None:
-            _shape(f"{where}.V_inv", other.V_inv, size, size)
-        if other.multipliers is not None:
-            _shape(f"{where}.multipliers", other.multipliers, None)
+        _shapes(where, other, V_inv=(size, size), multipliers=(None,))
 
 
 def _orbit(result: Result, where: str, orbit: Orbit) -> None:
@@ -173,10 +156,7 @@ def _orbit(result: Result, where: str, orbit: Orbit) -> None:
     _positive(f"{where}.delta", orbit.delta)
     _positive(f"{where}.period", orbit.period)
     _require(orbit.sign in (1, -1), f"{where}.sign", f"is {orbit.sign}; expected 1 or -1")
-    _shape(f"{where}.x_bar", orbit.x_bar, _at_events(result))
-    for key, width in (("X", n + 2 * m), ("y", n_y), ("u", n_u), ("e_hp", m)):
-        _shape(f"{where}.{key}", getattr(orbit, key), M, width)
-    _shape(f"{where}.E", orbit.E, M)
+    _shapes(where, orbit, x_bar=(_at_events(result),), X=(M, n + 2 * m), y=(M, n_y), u=(M, n_u), e_hp=(M, m), E=(M,))
     for key, width in (("y", n_y), ("u", n_u), ("x", n)):
         for what in ("peak", "range"):
             _shape(f"{where}.{key}_{what}", getattr(orbit, f"{key}_{what}"), width)
@@ -186,20 +166,16 @@ def _experiments(result: Result) -> None:
     n, m = result.actual.n, result.assumed.n
     if result.growth is not None:
         points = _rising("growth.delta", result.growth.delta, least=1)
-        _shape("growth.measured", result.growth.measured, points)
-        _shape("growth.predicted", result.growth.predicted, points)
+        _shapes("growth", result.growth, measured=(points,), predicted=(points,))
     if (law := result.law) is not None:
         _shape("law.q_t", law.q_t, None)
         _require(
             bool(len(law.q_t) and (law.q_t > 0).all() and np.isfinite(law.q_t).all()), "law.q_t", "is no threshold"
         )
-        _shape("law.interval_error", law.interval_error, len(law.q_t))
-        _shape("law.amplitude_error", law.amplitude_error, len(law.q_t))
+        _shapes("law", law, interval_error=(len(law.q_t),), amplitude_error=(len(law.q_t),))
     for i, attractor in enumerate(result.attractors):
         where = f"attractors.{i}"
-        _shape(f"{where}.states", attractor.states, None, _at_events(result))
-        _shape(f"{where}.x0", attractor.x0, n)
-        _shape(f"{where}.x_o0", attractor.x_o0, m)
+        _shapes(where, attractor, states=(None, _at_events(result)), x0=(n,), x_o0=(m,))
         _require(attractor.count >= 1 and 0 <= attractor.share <= 1, where, "has no sensible count or share")
 
 
@@ -209,14 +185,12 @@ def _statistics(result: Result) -> None:
         return
     _require(0 <= told.start <= told.end, "statistics.start", f"is {told.start:g} s, the end {told.end:g} s")
     bins = len(told.counts)
-    _shape("statistics.counts", told.counts, bins)
-    _shape("statistics.edges", told.edges, bins + 1 if bins else 0)
+    _shapes("statistics", told, counts=(bins,), edges=(bins + 1 if bins else 0,))
     for key in ("mean", "rms"):
         found = len(getattr(told, key))
         _require(found == n_y, f"statistics.{key}", f"has {found} numbers for {n_y} outputs")
     F = _rising("statistics.spectrum.frequency", told.spectrum.frequency, least=2)
-    for key in ("power", "low", "high"):
-        _shape(f"statistics.spectrum.{key}", getattr(told.spectrum, key), F, n_y)
+    _shapes("statistics.spectrum", told.spectrum, power=(F, n_y), low=(F, n_y), high=(F, n_y))
 
 
 def _at_events(result: Result) -> int:
@@ -232,6 +206,13 @@ def _rising(where: str, t: Array, least: int, twice: int = 0) -> int:
     good = np.isfinite(t).all() and (t[:1] >= 0).all() and (gaps >= 0).all() and (gaps == 0).sum() <= twice
     _require(bool(good), where, "does not rise, or holds what is no time")
     return len(t)
+
+
+def _shapes(where: str, thing: Any, **expected: tuple[int | None, ...]) -> None:
+    """The shapes of attributes by their names, of those that are there."""
+    for key, shape in expected.items():
+        if (values := getattr(thing, key)) is not None:
+            _shape(f"{where}.{key}", values, *shape)
 
 
 def _shape(where: str, values: Any, *expected: int | None) -> None:

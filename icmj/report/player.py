@@ -119,10 +119,8 @@ def _write_letters(whole: NDArray[np.int64]) -> str:
 
 def _poses(scene: Scene) -> list[Array]:
     found = []
-    for xpos, xquat, com in (
-        (scene.xpos, scene.xquat, scene.com),
-        (scene.magnified_xpos, scene.magnified_xquat, scene.magnified_com),
-    ):
+    for prefix in ("", "magnified_"):
+        xpos, xquat, com = (getattr(scene, f"{prefix}{of}") for of in ("xpos", "xquat", "com"))
         for body in range(len(scene.bodies)):
             found += [xpos[:, body, ::2], xquat[:, body]]
         found.append(com[:, ::2])

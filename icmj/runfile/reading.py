@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import PrivateAttr, ValidationError
 
 from icmj.base.files import read_bytes
+from icmj.base.numbers import pick
 from icmj.base.text import one_line
 from icmj.controller.controller import Controller
 from icmj.controller.rules import name_of
@@ -222,16 +223,8 @@ def _plant(plant: LinearPlant) -> dict[str, Any]:
         (plant.outputs, plant.output_units),
     )
     units = {name: unit for names, of in named for name, unit in zip(names, of, strict=True) if unit}
-    return {
-        "A": plant.A,
-        "B": plant.B,
-        "C": plant.C,
-        **({} if np.array_equal(plant.B_d, plant.B) else {"B_d": plant.B_d}),
-        "states": plant.states,
-        "inputs": plant.inputs,
-        "outputs": plant.outputs,
-        **({"units": units} if units else {}),
-    }
+    given = pick(plant, "A", "B", "C") | ({} if np.array_equal(plant.B_d, plant.B) else {"B_d": plant.B_d})
+    return given | pick(plant, "states", "inputs", "outputs") | ({"units": units} if units else {})
 
 
 def _settings(settings: Settings) -> dict[str, Any]:

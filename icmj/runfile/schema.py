@@ -24,7 +24,7 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from icmj.base.array import MOST_ENTRIES, Positive
 from icmj.base.text import one_line
-from icmj.errors import RunFileError
+from icmj.errors import RunFileError, explain_refusal
 from icmj.plant.activation import Activation
 from icmj.plant.person import Person
 from icmj.runfile.control_tables import Analysis, Control, ControllerTable, Weights
@@ -228,15 +228,13 @@ class BundledFiles:
         Raises:
             RunFileError: if a path leads out of the folder, or a file cannot be written.
         """
-        try:
+        with explain_refusal(RunFileError, f"{folder}: the model of the log cannot be written"):
             for name, content in self.files.items():
                 target = folder / _inside(name)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_bytes(content)
             place = folder / _inside(self.place)
             place.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RunFileError(f"{folder}: the model of the log cannot be written ({error.strerror})") from error
         return place
 
 

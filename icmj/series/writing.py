@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from icmj.base.files import whole
-from icmj.errors import DataError
+from icmj.errors import DataError, explain_refusal
 from icmj.series.formats import FORMATS
 from icmj.series.series import Series
 
@@ -29,12 +29,10 @@ def write_series(series: Series, path: Path | str) -> None:
     path, known = Path(path), find_writers()
     if path.suffix not in known:
         raise DataError(f"{path}: cannot write {path.suffix or 'a file without a suffix'}; expected {', '.join(known)}")
-    try:
+    with explain_refusal(DataError, f"{path}: cannot be written"):
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole(path) as part:
             known[path.suffix](series, part)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
 def find_writers() -> dict[str, Callable[[Series, Path], None]]:

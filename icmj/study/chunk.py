@@ -24,7 +24,6 @@ from icmj.case.case import (
     Case,
     PlantKind,
     Theory,
-    expect_rule,
     expect_theory,
     measure_own,
     mode_roots,
@@ -32,10 +31,8 @@ from icmj.case.case import (
     simulate,
 )
 from icmj.case.comparison import RUN, Ran, finite
-from icmj.case.plants import linear_plant
 from icmj.cycle.cycle import Cycle
 from icmj.errors import AnalysisError, CycleError, IcmjError, beyond_memory
-from icmj.experiments.coexisting_motions import attractors
 from icmj.experiments.many import LastCase
 from icmj.experiments.switching_rounds import Rounds, rounds_of
 from icmj.measurement.measurement import measure
@@ -43,6 +40,7 @@ from icmj.measurement.statistics import statistics
 from icmj.runfile.schema import RunFile
 from icmj.simulation.simulation import Simulation
 from icmj.study.plan import Plan, Value
+from icmj.study.study import find_attractors
 from icmj.theory.prediction import PREDICTION, Prediction
 
 
@@ -346,14 +344,7 @@ def _orbits(prediction: Prediction) -> dict[str, Any]:
 
 
 def _attractors(plan: Plan, case: Case) -> dict[str, Any]:
-    found = attractors(
-        linear_plant(case.actual, case.settings),
-        expect_rule(case, "attractors"),
-        case.settings,
-        starts=plan.file.ask.attractors,
-        match="position",
-        seed=case.run.study.seed,
-    )
+    found = find_attractors(case, plan.file.ask.attractors)
     return {
         "attractors": len(found),
         "attractor_kind": [each.measurement.kind for each in found],

@@ -30,13 +30,13 @@ import pyarrow.parquet as pq
 from icmj.base.array import is_between
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.files import whole, write_bytes, write_text
-from icmj.base.numbers import plain
+from icmj.base.numbers import pick, plain
 from icmj.base.parquet import read_parquet
 from icmj.case.case import Case, PlantKind, expect_rule, prepare, simulate
 from icmj.case.references import digests
 from icmj.controller.controller import continuous_limit
 from icmj.controller.trigger import ClockTrigger, Trigger
-from icmj.errors import DataError, IcmjError, RunFileError, StudyError
+from icmj.errors import DataError, IcmjError, RunFileError, StudyError, explain_refusal
 from icmj.experiments.many import LAST
 from icmj.experiments.recording import Recording
 from icmj.report import style
@@ -216,10 +216,7 @@ def summary(experiment: Experiment) -> dict[str, object]:
     """The numbers of all cases and plants, for programs; ``null`` if there is no number."""
     found = [
         {
-            "case": told.case,
-            "title": told.title,
-            "plant": told.plant,
-            "trials": told.trials,
+            **pick(told, "case", "title", "plant", "trials"),
             "told": told.finding is not None,
             "words": told.words,
             "numbers": {} if told.finding is None else plain(dict(told.finding.numbers)),
@@ -238,17 +235,16 @@ def write_results(experiment: Experiment, kind: Kind, folder: Folder) -> None:
     """
     path = folder.path
     with at_work(kind):
-        curves, numbers, rows = table(experiment), summary(experiment), _rows(experiment)
-    try:
+        curves, numbers, rows = table(experiment), summary(experiment), list(map(_row, experiment.found))
+    with explain_refusal(StudyError, f"{path}: cannot be written to", "; choose another --out"):
         with whole(path / RESULTS) as part:
             pq.write_table(curves, part)
         write_text(path / SUMMARY, json.dumps(numbers, indent=1, ensure_ascii=False) + "\n")
         svg = _draw(experiment, kind, path)
+        title = experiment.file.experiment.title or experiment.file.experiment.name
         with at_work(kind):
-            page = experiment_page(_title(experiment), kind, rows, svg, experiment.recordings, experiment.notes)
+            page = experiment_page(title, kind, rows, svg, experiment.recordings, experiment.notes)
         write_text(path / PAGE, page)
-    except OSError as error:
-        raise StudyError(f"{path}: cannot be written to ({error.strerror}); choose another --out") from error
 
 
 def _draw(experiment: Experiment, kind: Kind, path: Path) -> bytes | None:
@@ -262,14 +258,6 @@ def _draw(experiment: Experiment, kind: Kind, path: Path) -> bytes | None:
     write_bytes(path / f"{FIGURE}.svg", svg)
     write_bytes(path / f"{FIGURE}.png", png.getvalue())
     return svg
-
-
-def _title(experiment: Experiment) -> str:
-    return experiment.file.experiment.title or experiment.file.experiment.name
-
-
-def _rows(experiment: Experiment) -> list[Row]:
-    return [_row(told) for told in experiment.found]
 
 
 def _row(told: CaseResult) -> Row:

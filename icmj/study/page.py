@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from icmj.base.files import make_ready, write_text
-from icmj.errors import ReportError
+from icmj.errors import ReportError, explain_refusal
 from icmj.work.workers import Task, Tell, Workers
 
 if TYPE_CHECKING:
@@ -75,10 +75,8 @@ def report(
         tell(0.2 * number / len(logs))
     comparisons = tuple(compare(result) for result in results if result.prediction is not None)
     others = tuple(result for result in results if result.prediction is None)
-    try:
+    with explain_refusal(ReportError, f"{out}: the report cannot be written"):
         make_ready(out.parent)
-    except OSError as error:
-        raise ReportError(f"{out}: the report cannot be written ({error.strerror})") from error
     draw = None
     if workers is not None and len(of_case) > 2:
 
@@ -92,10 +90,8 @@ def report(
     build_report(results, out, sweeps=sweeps, branches=branches, draw=draw)
     if summary is not None:
         records = json.dumps([*map(to_json, comparisons), *map(to_record, others)], indent=2, allow_nan=False)
-        try:
+        with explain_refusal(ReportError, f"{summary}: cannot be written"):
             write_text(summary, records + "\n")
-        except OSError as error:
-            raise ReportError(f"{summary}: cannot be written ({error.strerror})") from error
     return Page(comparisons, others)
 
 

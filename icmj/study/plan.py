@@ -59,7 +59,11 @@ class Points:
 
     @property
     def _grid(self) -> int:
-        return prod(len(values) for values in self.lists if values is not None)
+        return prod(self._shape)
+
+    @property
+    def _shape(self) -> list[int]:
+        return [len(listed or (None,)) for listed in self.lists]  # a field that is drawn has one place
 
     def block(self, start: int, stop: int) -> Iterator[tuple[Value, ...]]:
         """The values of the points ``start`` … ``stop`` − 1, one tuple each, in the order of :attr:`names`."""
@@ -67,28 +71,13 @@ class Points:
         drawn = self._draw(first, (stop - 1) // self._grid + 1)
         for index in range(start, stop):
             sample, rest = divmod(index, self._grid)
-            at = self._places(rest)
-            row, column = drawn[sample - first], 0
-            values: list[Value] = []
-            for i, listed in enumerate(self.lists):
-                if listed is None:
-                    values.append(float(row[column]))
-                    column += 1
-                else:
-                    values.append(listed[at[i]])
-            yield tuple(values)
+            places, row = np.unravel_index(rest, self._shape), iter(drawn[sample - first].tolist())
+            each = zip(self.lists, places, strict=True)
+            yield tuple(next(row) if listed is None else listed[place] for listed, place in each)
 
     def at(self, index: int) -> tuple[Value, ...]:
         """The values of one point."""
         return next(self.block(index, index + 1))
-
-    def _places(self, rest: int) -> list[int]:
-        places = [0] * len(self.lists)
-        for i in reversed(range(len(self.lists))):
-            listed = self.lists[i]
-            if listed is not None:
-                rest, places[i] = divmod(rest, len(listed))
-        return places
 
     def _draw(self, start: int, stop: int) -> Array:
         """Sampled values, shape (stop − start, sampled fields)."""

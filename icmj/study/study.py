@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from icmj.base.files import clear_leftovers, make_ready
-from icmj.errors import LogError, RunFileError, SimulationError, expect, prefix_errors
+from icmj.errors import LogError, RunFileError, SimulationError, expect, explain_refusal, prefix_errors
 from icmj.runfile.schema import RunFile
 from icmj.work.workers import Task, Tell, Workers, processes
 
 if TYPE_CHECKING:
     from icmj.case.case import Case, PlantKind
     from icmj.case.result import Attractor, Result
-    from icmj.measurement.statistics import Statistics
     from icmj.simulation.simulation import Simulation
 
 from icmj.study.page import Page, report
@@ -75,6 +74,7 @@ def run_case(
     from icmj.measurement.measurement import measure
     from icmj.simulation.scene import select_frames
     from icmj.simulation.simulation import list_remarks
+    from icmj.study.pressure import measure_pressure
     from icmj.work.provenance import provenance
 
     report: Callable[[float], None] = progress or (lambda _: None)
@@ -110,16 +110,9 @@ def run_case(
             provenance=provenance(run.path.parent),
             notices=tuple(str(notice) for notice in (*case.notices, *list_remarks(simulation))),
             measures=measure_own(run, simulation),
-            sway=_sway(case, found.get("statistics"), simulation),
+            sway=measure_pressure(case, simulation, found["statistics"].start) if "statistics" in found else {},
             **found,
         )
-
-
-def _sway(case: Case, found: Statistics | None, simulation: Simulation) -> dict[str, float]:
-    """Measures of the centre of pressure of a person whom noise moves, over what the statistics are of."""
-    from icmj.study.pressure import measure_pressure
-
-    return {} if found is None else measure_pressure(case, simulation, found.start)
 
 
 def _beside(case: Case, plant: PlantKind, simulation: Simulation, report: Callable[[float], None]) -> dict[str, Any]:
@@ -182,26 +175,23 @@ def _continuous_duration(case: Case, simulation: Simulation) -> float | None:
 
 
 def _attractors(case: Case, progress: Callable[[float], None]) -> tuple[Attractor, ...]:
+    if (starts := case.run.study.attractor_starts) == 0:
+        return ()
+    try:
+        return find_attractors(case, starts, lambda count: progress(count / starts))
+    except SimulationError:  # the run stays at zero, which is no scale to draw starts from
+        return ()
+
+
+def find_attractors(case: Case, starts: int, progress: Callable[[int], None] | None = None) -> tuple[Attractor, ...]:
+    """The motions of a case's linear plant from as many random starts (:func:`icmj.experiments.attractors`)."""
     from icmj.case.case import expect_rule
     from icmj.case.plants import linear_plant
     from icmj.experiments.coexisting_motions import attractors
 
-    study = case.run.study
-    if study.attractor_starts == 0:
-        return ()
-    plant, settings = linear_plant(case.actual, case.settings), case.settings
-    try:
-        return attractors(
-            plant,
-            expect_rule(case, "attractors"),
-            settings,
-            starts=study.attractor_starts,
-            seed=study.seed,
-            match="position",
-            progress=lambda count: progress(count / study.attractor_starts),
-        )
-    except SimulationError:  # the run stays at zero, which is no scale to draw starts from
-        return ()
+    plant, rule = linear_plant(case.actual, case.settings), expect_rule(case, "attractors")
+    seed = case.run.study.seed
+    return attractors(plant, rule, case.settings, starts=starts, seed=seed, match="position", progress=progress)
 
 
 def admit(case: Case, plant: PlantKind, longest: float | None, *, study: bool = False) -> float:
@@ -248,12 +238,11 @@ def open_folder(folder: Path, *names: str) -> None:
     Raises:
         LogError: if they cannot be written there.
     """
-    try:
-        make_ready(folder, *names)
-    except FileExistsError as error:
-        raise LogError(f"{error.filename}: cannot be written to ({error.strerror})") from error
-    except OSError as error:
-        raise LogError(f"{folder}: cannot be written to ({error.strerror}); choose another --out") from error
+    with explain_refusal(LogError, f"{folder}: cannot be written to", "; choose another --out"):
+        try:
+            make_ready(folder, *names)
+        except FileExistsError as error:
+            raise LogError(f"{error.filename}: cannot be written to ({error.strerror})") from error
 
 
 def run_study(

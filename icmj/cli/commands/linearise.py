@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from icmj.cli.arguments import POSITIONAL, Command, Given
 from icmj.cli.progress import Working
 from icmj.cli.table import Column, show_table
-from icmj.errors import ModelError
+from icmj.errors import ModelError, explain_refusal
 
 if TYPE_CHECKING:
     from icmj.base.array import Array
@@ -139,10 +139,8 @@ def save_plant(plant: LinearPlant, path: Path) -> None:
         stream, allow_pickle=False, **pick(plant, "A", "B", "C", "B_d", "poles"),
         **{name: np.array(each, dtype=str) for name, each in words.items()},
     )  # fmt: skip
-    try:
+    with explain_refusal(ModelError, f"{path}: cannot be written"):
         write_bytes(path, stream.getvalue())
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be written ({error.strerror})") from error
 
 
 def _matrices(plant: LinearPlant) -> tuple[tuple[str, Array, tuple[str, ...], tuple[str, ...]], ...]:

@@ -17,78 +17,61 @@ from icmj.errors import RunFileError
 from icmj.runfile.messages import short
 from icmj.runfile.place import PlaceTable
 from icmj.runfile.shapes import kind_of_course
-from icmj.runfile.table import OWN, Parameters, Reference, keys_of
+from icmj.runfile.table import OWN, Parameters, Reference, TomlTable, keys_of
 from icmj.runfile.target import TargetTable
 from icmj.simulation.sources import Sinusoids
 from icmj.work.own_code import Code, digest_of, pick_accepted
 
 
-@keys_of(Sinusoids, without=("terms",))
-class OwnNoiseTable(PlaceTable):
-    """Noise from your own code: the ``module:name`` of a function that draws the terms of a sum of sinusoids."""
+class OwnCourse(TomlTable):
+    """What code of your own makes: the ``module:name`` of a function that returns terms."""
 
     tag: ClassVar[str] = OWN
+    rows: ClassVar[Mapping[int, str]] = {5: "(a, ω, φ, start, end)"}
+    """What a row of numbers is that the function returns, by their count."""
+    place: ClassVar[str] = "rate"
+    """The key of a table of kind ``sinusoids`` to which the terms belong."""
 
     kind: Reference
     """The function; it receives the parameters, and ``duration`` [s] if it accepts one."""
     parameters: Parameters = {}
-    """Parameters of the function, by name, including its seed."""
-
-    def source(self) -> None:
-        """Nothing before its code has drawn it (:meth:`drawn`)."""
+    """Parameters of the function, by name, its seed among them if it draws."""
 
     def resolve(self, code: Code, folder: Path, duration: float) -> dict[str, Any]:
-        """The table of kind ``sinusoids`` with the terms that ``code`` draws."""
-        rows = {3: "(a, ω, φ)", 5: "(a, ω, φ, start, end)"}
-        terms, origin = _draw(code, self.kind, self.parameters, duration, rows)
+        """The table of kind ``sinusoids`` with the terms that ``code`` makes, and where they come from.
+
+        Raises:
+            RunFileError: if the code may not be run, fails, or returns something else.
+        """
+        make = code.find(self.kind)
+        told = code.make(self.kind, **{**pick_accepted(make, {"duration": duration}), **self.parameters})
+        try:
+            terms = np.atleast_2d(np.asarray(told, dtype=float))
+        except (TypeError, ValueError):
+            terms = np.zeros((0, 0))
+        if terms.ndim != 2 or terms.shape[1] not in self.rows or not len(terms):
+            raise RunFileError(f"{self.kind}: expected rows {' or '.join(self.rows.values())}, got {short(told)}")
         kept = self.model_dump(exclude={"kind", "parameters"}, exclude_unset=True, mode="json")
-        return {**kept, "kind": kind_of_course(Sinusoids), "terms": terms, **origin}
+        made = {self.place: np.clip(terms, -LARGEST, LARGEST).tolist(), "made_by": self.kind, "sha256": digest_of(make)}
+        return {**kept, "kind": kind_of_course(Sinusoids), **made}
 
 
-class OwnSetpoint(TargetTable):
+@keys_of(Sinusoids, without=("terms",))
+class OwnNoiseTable(OwnCourse, PlaceTable):
+    """Noise from your own code: the ``module:name`` of a function that draws the terms of a sum of sinusoids."""
+
+    rows: ClassVar[Mapping[int, str]] = {3: "(a, ω, φ)", **OwnCourse.rows}
+    place: ClassVar[str] = "terms"
+
+    def source(self) -> None:
+        """Nothing before its code has drawn it (:meth:`resolve`)."""
+
+
+class OwnSetpoint(OwnCourse, TargetTable):
     """A course from your own code: the ``module:name`` of a function that gives the terms of its rate.
 
     Such terms are made by the functions of :mod:`icmj.controller` that are named by a course, such as ``polygon``.
     """
-
-    tag: ClassVar[str] = OWN
-
-    kind: Reference
-    """The function; it receives the parameters, and ``duration`` [s] if it accepts one."""
-    parameters: Parameters = {}
-    """Parameters of the function, by name."""
-
-    def resolve(self, code: Code, folder: Path, duration: float) -> dict[str, Any]:
-        """The table of kind ``sinusoids`` with the terms that ``code`` gives."""
-        terms, origin = _draw(code, self.kind, self.parameters, duration, {5: "(a, ω, φ, start, end)"})
-        kept = self.model_dump(exclude={"kind", "parameters"}, exclude_unset=True, mode="json")
-        return {**kept, "kind": kind_of_course(Sinusoids), "rate": terms, **origin}
-
-
-def _draw(
-    code: Code, reference: str, parameters: Mapping[str, Any], duration: float, rows: Mapping[int, str]
-) -> tuple[list[list[float]], dict[str, str]]:
-    """The terms that a function returns, and where they come from, as the keys ``made_by`` and ``sha256``.
-
-    Args:
-        code: finds the function, if it may be run.
-        reference: ``module:name`` of it.
-        parameters: its parameters by name.
-        duration: of the run [s], which it gets if it accepts one.
-        rows: what a row of numbers is, by their count.
-
-    Raises:
-        RunFileError: if the code may not be run, fails, or returns something else.
-    """
-    make = code.find(reference)
-    told = code.make(reference, **{**pick_accepted(make, {"duration": duration}), **parameters})
-    try:
-        terms = np.atleast_2d(np.asarray(told, dtype=float))
-    except (TypeError, ValueError):
-        terms = np.zeros((0, 0))
-    if terms.ndim != 2 or terms.shape[1] not in rows or not len(terms):
-        raise RunFileError(f"{reference}: expected rows {' or '.join(rows.values())}, got {short(told)}")
-    return np.clip(terms, -LARGEST, LARGEST).tolist(), {"made_by": reference, "sha256": digest_of(make)}
 
 
 DISTURBANCE, SETPOINT = OwnNoiseTable, OwnSetpoint
