@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from icmj.base.array import Array, count_steps
-from icmj.base.numbers import readable
+from icmj.base.numbers import count, readable
 from icmj.errors import DataError
 from icmj.experiments.multisine import Multisine, multisine
+from icmj.experiments.recording import Recording, keep_complete
 from icmj.report import style
 from icmj.report.findings import LOWEST, MARKER, ShownResult, assign_colours, under_legend
 from icmj.series.even_rows import resample_series
@@ -99,18 +101,45 @@ class PeriodicResponse:
 
 
 def analyse_trials(
-    trials: Sequence[Series], stimulus: str, response: str, how: Mapping[str, Any]
-) -> tuple[Multisine, tuple[Multisine, ...]]:
-    """The result of all trials together, and that of each; none of each where there is one trial.
+    recordings: Sequence[Recording], names: tuple[str, str], period: float, lines: ArrayLike, *, simulated: bool
+) -> PeriodicResponse:
+    """The result of all trials together, without a theory, and that of each; none of each where there is one trial.
+
+    Args:
+        recordings: of which the complete ones are analysed; ``simulated`` ones begin with a period.
+        names: of stimulus and response.
+        period: of the stimulus [s].
+        lines: its frequencies [Hz].
+        simulated: whether they are trials of an experiment.
 
     Raises:
         DataError: if trials are in different units, or :func:`icmj.experiments.multisine` refuses them.
     """
+    trials = [one.series for one in keep_complete(recordings)]
+    if simulated:
+        trials = [whole_periods(one, period) for one in trials]
     if len(units := list(dict.fromkeys(one.units for one in trials))) > 1:
         first, other = (" and ".join(unit or "no unit" for unit in each) for each in units[:2])
         raise DataError(f"trials in different units ({first}; {other}), which have no mean; convert one")
-    each = [multisine(one, stimulus, response, **how) for one in trials] if len(trials) > 1 else []
-    return multisine(trials, stimulus, response, **how), tuple(each)
+    each = [multisine(one, *names, period=period, lines=lines) for one in trials] if len(trials) > 1 else []
+    found = multisine(trials, *names, period=period, lines=lines)
+    return PeriodicResponse(found, None, (trials[0].units[0], trials[0].units[1]), tuple(each))
+
+
+def expect_whole_samples(period: float, rate: float) -> None:
+    """Check that a period [s] has a whole number of samples at ``rate`` [Hz].
+
+    Raises:
+        ValueError: if not.
+    """
+    if abs(rate * period - round(rate * period)) > 1e-6:
+        raise ValueError(f"a period of {period:g} s has no whole number of samples at {rate:g} Hz")
+
+
+def say_periods(settle: int, periods: int) -> str:
+    """Which periods of a trial are left out, and which are analysed."""
+    left_out = f"{count(settle, 'period')} at the start {'is' if settle == 1 else 'are'} left out"
+    return f"{left_out}, and {count(periods, 'period')} of each trial are analysed."
 
 
 def take_periods(kind: Kind, period: float, series: Series) -> Series:
@@ -123,7 +152,7 @@ def take_periods(kind: Kind, period: float, series: Series) -> Series:
         DataError: if there are fewer.
     """
     settle, periods, rate = map(kind.stated, ("settle", "periods", "rate"))
-    begin, duration = (None if count is None else count * period for count in (settle, periods))
+    begin, duration = (None if number is None else number * period for number in (settle, periods))
     cut = resample_series(cut_recording(series, begin, duration, f"settle and periods of {period:g} s"), rate)
     begins = settle is not None or periods is not None or SETTLED in series.facts
     return whole_periods(cut, period) if begins else cut
@@ -134,15 +163,13 @@ def whole_periods(series: Series, period: float) -> Series:
     if len(series) < 2:
         return series
     begin, step = float(series.t[0]), float(series.t[-1] - series.t[0]) / (len(series) - 1)
-    count = count_steps((float(series.t[-1]) - begin + (1 + EVEN) * step) / period)
-    return series if count < 1 else series.until(begin + count * period - step / 2)
+    whole = count_steps((float(series.t[-1]) - begin + (1 + EVEN) * step) / period)
+    return series if whole < 1 else series.until(begin + whole * period - step / 2)
 
 
-def draw_response(found: Sequence[ShownResult], units: tuple[str, str]) -> Figure:
-    """Gain with 95 % confidence, phase, power; line: theory; rings and crosses: excited lines; points: the remnant.
-
-    ``units`` are those of stimulus and response.
-    """
+def draw_response(found: Sequence[ShownResult]) -> Figure:
+    """Gain with 95 % confidence, phase, power; line: theory; rings and crosses: excited lines; points: the remnant."""
+    units = next((one.finding.units for one in found if isinstance(one.finding, PeriodicResponse)), ("", ""))
     figure, (gain, phase, power) = style.new_figure(150.0, rows=3, width=150.0)
     (of_stimulus, stimulus), (of_response, response_unit) = map(readable, units)
     scale = of_response / of_stimulus

@@ -74,7 +74,7 @@ def test_a_stimulus_as_it_is_recorded_is_analysed(shown, tmp_path):
     found = stance(tilt(noise=0.02, **shown), tmp_path)
     fitted = found.channels
     assert (fitted.P, fitted.D, fitted.delay, fitted.weight) == pytest.approx((800.0, 250.0, 0.15, 0.6), rel=0.1)
-    share = found.response.measured.off_lines
+    share = found.measured.off_lines
     # of noise of e times the stimulus, what is not at the lines: all but a few lines of thousands
     assert share == pytest.approx(shown.get("error", 0.0) ** 2 / (1 + shown.get("error", 0.0) ** 2), rel=0.1, abs=1e-4)
     assert ("of the stimulus's power is off its lines" in found.words) == (share > 1e-6)

@@ -10,12 +10,11 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from icmj.base.array import MOST_ENTRIES, Array, Positive, Positives
-from icmj.base.numbers import count
 from icmj.case.case import Case, PlantKind
 from icmj.controller.setpoint import sines
 from icmj.errors import AnalysisError, DataError
 from icmj.experiments.linear_response import frequency_response
-from icmj.experiments.recording import Recording, keep_complete
+from icmj.experiments.recording import Recording
 from icmj.report.experiment import Row
 from icmj.runfile.schema import RunFile
 from icmj.runfile.shapes import kind_of_course
@@ -24,7 +23,14 @@ from icmj.series.series import Series
 from icmj.simulation.simulation import Simulation
 from icmj.simulation.sources import Sinusoids
 from icmj.study.kind import CaseResult, Kind, Names, Rate, Word, sample_rows, set_duration
-from icmj.study.periodic_response import PeriodicResponse, analyse_trials, draw_response, take_periods, whole_periods
+from icmj.study.periodic_response import (
+    PeriodicResponse,
+    analyse_trials,
+    draw_response,
+    expect_whole_samples,
+    say_periods,
+    take_periods,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -80,8 +86,7 @@ class MultisineTable(Kind):
             )
         if len({round(turns) for turns in cycles}) < len(cycles):
             raise ValueError("lines: a frequency is repeated")
-        if abs(self.rate * self.period - round(self.rate * self.period)) > 1e-6:
-            raise ValueError(f"a period of {self.period:g} s has no whole number of samples at {self.rate:g} Hz")
+        expect_whole_samples(self.period, self.rate)
         if max(self.lines) >= self.rate / 2:
             raise ValueError(f"lines: {max(self.lines):g} Hz is not below half the rate, {self.rate / 2:g} Hz")
         return self
@@ -137,17 +142,12 @@ class MultisineTable(Kind):
     def analyse(
         self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
     ) -> PeriodicResponse:
-        trials = [one.series for one in keep_complete(recordings)]
-        if case is not None:
-            trials = [whole_periods(one, self.period) for one in trials]
-        how: dict[str, Any] = {"period": self.period, "lines": self.lines}
-        found, each = analyse_trials(trials, STIMULUS, RESPONSE, how)
-        units = (trials[0].units[0], trials[0].units[1])
-        return PeriodicResponse(found, None if case is None else self._theory(case, found.line), units, each)
+        names = (STIMULUS, RESPONSE)
+        found = analyse_trials(recordings, names, self.period, self.lines, simulated=case is not None)
+        return found if case is None else replace(found, theory=self._theory(case, found.measured.line))
 
     def draw(self, found: Sequence[CaseResult]) -> Figure:
-        units = (one.finding.units for one in found if isinstance(one.finding, PeriodicResponse))
-        return draw_response(found, next(units, ("", "")))
+        return draw_response(found)
 
     def _response(self, inputs: Sequence[str]) -> str:
         return self.response or f"u.{self.input or inputs[0]}"
@@ -190,9 +190,7 @@ class MultisineTable(Kind):
         )
         made = (
             f"The stimulus is a sum of {len(self.lines)} sinusoids of amplitude {self.amplitude:g} and a period of "
-            f"{self.period:g} s, {where}; {count(self.settle, 'period')} at the start "
-            f"{'is' if self.settle == 1 else 'are'} left out, and {count(self.periods, 'period')} of each trial are "
-            "analysed. "
+            f"{self.period:g} s, {where}; {say_periods(self.settle, self.periods)} "
         )
         return (
             ("" if recorded else made)

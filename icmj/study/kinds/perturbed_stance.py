@@ -10,11 +10,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from icmj.base.array import Array, Finite, NonNegative, Positive
-from icmj.base.numbers import count
 from icmj.case.case import Case, PlantKind
 from icmj.controller.setpoint import TERNARY_INTERVALS, ternary
 from icmj.experiments.multisine import Multisine
-from icmj.experiments.recording import Recording, keep_complete
+from icmj.experiments.recording import Recording
 from icmj.experiments.stance_channels import CHANNEL_NUMBERS, StanceChannels, fit_channels
 from icmj.report.experiment import Row
 from icmj.runfile.schema import RunFile
@@ -24,7 +23,14 @@ from icmj.series.units import convert_to_si
 from icmj.simulation.simulation import Simulation
 from icmj.simulation.ternary import make_ternary_lines
 from icmj.study.kind import HALF, CaseResult, Kind, Names, Rate, Word, sample_rows, say_first, set_duration
-from icmj.study.periodic_response import PeriodicResponse, analyse_trials, draw_response, take_periods, whole_periods
+from icmj.study.periodic_response import (
+    PeriodicResponse,
+    analyse_trials,
+    draw_response,
+    expect_whole_samples,
+    say_periods,
+    take_periods,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,55 +40,28 @@ TILT, BODY = "stimulus", "body"
 
 
 @dataclass(frozen=True, eq=False)
-class FoundStance:
+class FoundStance(PeriodicResponse):
     """Response of the body in space, remnant, and the fitted channels with their response; a :class:`Finding`.
 
+    The response of the channels is in the place of theory.
+
     Attributes:
-        response: response and remnant, with that of the channels in place of theory.
         channels: those whose response is nearest; ``None`` where no body was given to fit.
     """
 
-    response: PeriodicResponse
     channels: StanceChannels | None = None
 
     @property
-    def measured(self) -> Multisine:
-        """The response over all periods, and the remnant."""
-        return self.response.measured
-
-    @property
-    def theory(self) -> Array | None:
-        """Response of the channels at the excited lines, shape (L,)."""
-        return self.response.theory
-
-    @property
-    def each(self) -> tuple[Multisine, ...]:
-        """The response of each trial alone; empty for one trial."""
-        return self.response.each
-
-    @property
     def numbers(self) -> Mapping[str, float]:
-        known = self.response.numbers
+        known = super().numbers
         found = {name: value for name, value in known.items() if name != "explained by continuous control"}
         if self.channels is None:
             return found
-        found["explained by the fitted channels"] = self._explained
+        found["explained by the fitted channels"] = self.measured.explained(self.theory)
         for name, unit, value, half in self._fitted():
             mark = f" ({unit})" if unit else ""
             found |= {f"{name}{mark}": value, f"{name}, from{mark}": value - half, f"{name}, to{mark}": value + half}
         return found
-
-    @property
-    def deviations(self) -> Mapping[str, float]:
-        return self.response.deviations
-
-    @property
-    def curves(self) -> Mapping[str, Array]:
-        return self.response.curves
-
-    @property
-    def _explained(self) -> float:
-        return self.response.measured.explained(self.response.theory)
 
     def _fitted(self) -> list[tuple[str, str, float, float]]:
         """Name, unit, value and half the width of the 95 % confidence interval of each fitted number."""
@@ -96,15 +75,15 @@ class FoundStance:
     @property
     def words(self) -> str:
         if self.channels is None:
-            return self.response.words
+            return super().words
         fitted = []
         for name, unit, value, half in self._fitted():
             low, middle, high = (f"{each:.3g}" for each in (value - half, value, value + half))
             interval = "" if low == high else f" ({low} to {high})"
             fitted.append(f"{name} {middle}{interval} {unit}".rstrip())
-        share = self._explained
+        share = self.measured.explained(self.theory)
         little = (f"the fitted channels explain {100 * share:.3g} % of the power",) if not share >= HALF else ()
-        said = f"{self.response.words} Fitted channels, with 95 % intervals: {', '.join(fitted)}."
+        said = f"{super().words} Fitted channels, with 95 % intervals: {', '.join(fitted)}."
         return say_first((*self.channels.doubts, *little), said)
 
 
@@ -159,8 +138,7 @@ class PerturbedStanceTable(Kind):
 
     @model_validator(mode="after")
     def _has_samples_and_lines(self) -> PerturbedStanceTable:
-        if abs(self.rate * self.period - round(self.rate * self.period)) > 1e-6:
-            raise ValueError(f"a period of {self.period:g} s has no whole number of samples at {self.rate:g} Hz")
+        expect_whole_samples(self.period, self.rate)
         if not 1 / self.period <= self.highest < self.rate / 2:
             raise ValueError(
                 f"highest: {self.highest:g} Hz; expected between the first line, {1 / self.period:.3g} Hz, and half "
@@ -206,19 +184,14 @@ class PerturbedStanceTable(Kind):
     def analyse(
         self, recordings: Sequence[Recording], case: Case | None = None, plant: PlantKind | None = None
     ) -> FoundStance:
-        trials = [one.series for one in keep_complete(recordings)]
-        if case is not None:
-            trials = [whole_periods(one, self.period) for one in trials]
-        how = {"period": self.period, "lines": self._lines()[:, 1] / (2 * np.pi)}
-        found, each = analyse_trials(trials, TILT, BODY, how)
-        channels = self._channels(found)
-        theory = None if channels is None else channels.response(found.line)
-        units = (trials[0].units[0], trials[0].units[1])
-        return FoundStance(PeriodicResponse(found, theory, units, each), channels)
+        lines = self._lines()[:, 1] / (2 * np.pi)
+        found = analyse_trials(recordings, (TILT, BODY), self.period, lines, simulated=case is not None)
+        channels = self._channels(found.measured)
+        theory = None if channels is None else channels.response(found.measured.line)
+        return FoundStance(found.measured, theory, found.units, found.each, channels)
 
     def draw(self, found: Sequence[CaseResult]) -> Figure:
-        units = (one.finding.response.units for one in found if isinstance(one.finding, FoundStance))
-        return draw_response(found, next(units, ("", "")))
+        return draw_response(found)
 
     def _lines(self) -> Array:
         return make_ternary_lines(self.size, self.interval, self.highest)
@@ -244,8 +217,7 @@ class PerturbedStanceTable(Kind):
         made = (
             f"The surface tilts by {np.degrees(self.size):.3g}° from peak to peak in a pseudo-random ternary sequence "
             f"of velocities of {self.interval:g} s; its lines up to {self.highest:g} Hz are the stimulus. "
-            f"{count(self.settle, 'period')} at the start {'is' if self.settle == 1 else 'are'} left out, and "
-            f"{count(self.periods, 'period')} of each trial are analysed. "
+            f"{say_periods(self.settle, self.periods)} "
         )
         return (
             ("" if recorded else made)
