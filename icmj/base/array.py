@@ -74,6 +74,12 @@ def at_or_after(t: Array | float, start: Array | float) -> NDArray[np.bool_]:
     return np.asarray(t >= start * (1 - _LAST_BITS))
 
 
+def agree(matrices: Iterable[Array], others: Iterable[Array]) -> bool:
+    """Whether matrices have the shapes of others and, to rounding, the same numbers."""
+    pairs = zip(matrices, others, strict=True)
+    return all(a.shape == b.shape and bool(np.allclose(a, b, rtol=RELATIVE_ROUNDING, atol=1e-12)) for a, b in pairs)
+
+
 def find_range(values: Array) -> tuple[float, float]:
     """The range of a histogram of some values; where they are equal but for rounding, as wide as they are large."""
     low, high = float(values.min()), float(values.max())

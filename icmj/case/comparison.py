@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from icmj.base.array import Array, argmax_abs
+from icmj.base.array import Array, agree, argmax_abs
 from icmj.base.card import Card, WithCard
 from icmj.base.numbers import Fact, amount, collect_facts, count, ordinal, plain, relative
 from icmj.case.laid_orbit import beside, settled_on
@@ -168,9 +168,9 @@ def _which(prediction: Prediction) -> str:
 def _is_exact(result: Result) -> bool:
     """Whether the controller's model is the linearised plant, and its hold the closed loop that this model assumes."""
     law = expect_intermittent(result.controller)
-    pairs = [(getattr(result.assumed, letter), getattr(result.actual, letter)) for letter in "ABC"]
-    pairs.append((law.hold.A_h, law.design.A_c))
-    return all(a.shape == b.shape and bool(np.allclose(a, b, rtol=1e-9, atol=1e-12)) for a, b in pairs)
+    assumed, actual = result.assumed, result.actual
+    mine, theirs = (assumed.A, assumed.B, assumed.C, law.hold.A_h), (actual.A, actual.B, actual.C, law.design.A_c)
+    return agree(mine, theirs)
 
 
 def halves(measurement: Measurement, prediction: Prediction) -> str:

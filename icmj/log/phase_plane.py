@@ -6,7 +6,9 @@ name them by round numbers.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import rerun as rr
@@ -41,7 +43,8 @@ def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
     def place_points(y: Array, rate: Array) -> Array:
         return np.column_stack([WIDE * y / scale_y, -rate / scale_rate])
 
-    _write_frame(recording, scale_y, scale_rate, shared_unit(result.actual.output_units))
+    show = partial(recording.log, static=True)
+    _write_frame(show, scale_y, scale_rate, shared_unit(result.actual.output_units))
     colours = palette.choose_colours(result.actual.n_y)
     approach = ~late
     events = event_rows(simulation)
@@ -51,33 +54,22 @@ def write_phase_plane(recording: rr.RecordingStream, result: Result) -> None:
         strips = _inside(place_points(y[approach, i], rate[approach, i]))
         if strips:
             faint = palette.darken(palette.darken(colour))
-            recording.log(
-                f"{root}/approach", rr.LineStrips2D(strips, colors=[faint], radii=[-0.5], draw_order=1.0), static=True
-            )
+            show(f"{root}/approach", rr.LineStrips2D(strips, colors=[faint], radii=[-0.5], draw_order=1.0))
         if orbit is not None:
             line = place_points(orbit[0][:, i], orbit[1][:, i])
-            recording.log(
-                f"{root}/orbit",
-                rr.LineStrips2D([line], colors=[palette.darken(palette.WHITE)], radii=[-3.0], draw_order=10.0 + i),
-                static=True,
-            )
+            dim = palette.darken(palette.WHITE)
+            show(f"{root}/orbit", rr.LineStrips2D([line], colors=[dim], radii=[-3.0], draw_order=10.0 + i))
         line = place_points(y[late, i], rate[late, i])
-        recording.log(
-            f"{root}/run", rr.LineStrips2D([line], colors=[colour], radii=[-1.25], draw_order=20.0 + i), static=True
-        )
+        show(f"{root}/run", rr.LineStrips2D([line], colors=[colour], radii=[-1.25], draw_order=20.0 + i))
         if len(events):
             at = place_points(y[events, i], rate[events, i])
-            recording.log(
-                f"{root}/events",
-                rr.Points2D(at, colors=[palette.EVENT], radii=[-3.5], draw_order=30.0 + i),
-                static=True,
-            )
+            show(f"{root}/events", rr.Points2D(at, colors=[palette.EVENT], radii=[-3.5], draw_order=30.0 + i))
     shown = select_frames(simulation.t)
     now = np.stack([place_points(y[shown, i], rate[shown, i]) for i in range(result.actual.n_y)], axis=1)
     style = rr.Points2D.from_fields(
         colors=colours, radii=[-6.0], labels=list(result.actual.outputs), show_labels=True, draw_order=40.0
     )
-    recording.log(f"{ROOT}/now", style, static=True)
+    show(f"{ROOT}/now", style)
     positions = rr.Points2D.columns(positions=now.reshape(-1, 2)).partition(np.full(len(shown), result.actual.n_y))
     recording.send_columns(f"{ROOT}/now", [time_column(simulation.t[shown])], positions)
 
@@ -101,26 +93,12 @@ def _inside(line: Array, reach: float = 1.2) -> list[Array]:
     ]
 
 
-def _write_frame(recording: rr.RecordingStream, scale_y: float, scale_rate: float, unit: str) -> None:
+def _write_frame(show: Callable[..., None], scale_y: float, scale_rate: float, unit: str) -> None:
     axes = [[[-1.2 * WIDE, 0], [1.2 * WIDE, 0]], [[0, -1.2], [0, 1.2]]]
-    recording.log(
-        f"{ROOT}/axes", rr.LineStrips2D(axes, colors=[palette.GREY], radii=[-0.6], draw_order=0.0), static=True
-    )
+    show(f"{ROOT}/axes", rr.LineStrips2D(axes, colors=[palette.GREY], radii=[-0.6], draw_order=0.0))
     ticks = [[-WIDE, 0.0], [WIDE, 0.0], [0.0, -1.0], [0.0, 1.0]]
     labels = [f"{-scale_y:g}", f"{scale_y:g}", f"{scale_rate:g}", f"{-scale_rate:g}"]
-    recording.log(
-        f"{ROOT}/ticks",
-        rr.Points2D(ticks, labels=labels, colors=[palette.WHITE], radii=[-2.0], show_labels=True, draw_order=0.5),
-        static=True,
-    )
-    recording.log(
-        f"{ROOT}/names",
-        rr.Points2D(
-            [[1.15 * WIDE, -0.16], [0.0, -1.3]],
-            labels=[f"y{in_brackets(unit)}", f"dy/dt{in_brackets(unit, '/s')}"],
-            colors=[palette.WHITE],
-            radii=[0.0],
-            show_labels=True,
-        ),
-        static=True,
-    )
+    written: dict[str, Any] = {"colors": [palette.WHITE], "show_labels": True}
+    show(f"{ROOT}/ticks", rr.Points2D(ticks, labels=labels, radii=[-2.0], draw_order=0.5, **written))
+    places, labels = [[1.15 * WIDE, -0.16], [0.0, -1.3]], [f"y{in_brackets(unit)}", f"dy/dt{in_brackets(unit, '/s')}"]
+    show(f"{ROOT}/names", rr.Points2D(places, labels=labels, radii=[0.0], **written))

@@ -92,8 +92,7 @@ def _sound(path: Path, say: Say) -> Iterator[Path]:
 def _view(logs: Sequence[Path]) -> None:
     """The viewer in a window, until it is closed."""
     with _running(_base(_free_port()), logs) as (process, messages):
-        _await_end(process)
-        if process.returncode not in (0, -2, -15):
+        if not _ends_well(process):
             raise LogError(f"the viewer cannot open a window ({_reason(messages)}); try --web or --screenshot PNG")
 
 
@@ -107,8 +106,7 @@ def _serve(logs: Sequence[Path], say: Say) -> None:
         data = quote(f"rerun+http://{LOOPBACK}:{port}/proxy", safe="")
         names = ", ".join(log.name for log in logs)
         say(f"serving {names} at http://{LOOPBACK}:{web_port}/?url={data} (stop with Ctrl-C)")
-        _await_end(process)
-        if process.returncode not in (0, -2, -15):
+        if not _ends_well(process):
             raise LogError(f"the web viewer stopped ({_reason(messages)})")
 
 
@@ -203,9 +201,11 @@ def _await_port(port: int, process: subprocess.Popen[bytes], messages: IO[bytes]
     raise LogError(f"rerun's viewer did not answer within {PATIENCE:g} s")
 
 
-def _await_end(process: subprocess.Popen[bytes]) -> None:
+def _ends_well(process: subprocess.Popen[bytes]) -> bool:
+    """Whether the viewer ends by itself, or because it is asked to."""
     with contextlib.suppress(KeyboardInterrupt):
         process.wait()
+    return process.returncode in (0, -2, -15)
 
 
 def _reason(messages: IO[bytes]) -> str:

@@ -26,11 +26,6 @@ class CaseRuns:
         return self.runs.get("linear")
 
     @property
-    def mujoco(self) -> Result | None:
-        """The run of the MuJoCo plant, if there."""
-        return self.runs.get("mujoco")
-
-    @property
     def first(self) -> Result:
         """The result to read shared facts from: the linear plant's if there, else MuJoCo's."""
         return next(iter(self.runs.values()))

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from icmj.base import VERSION
-from icmj.base.array import Array
+from icmj.base.array import Array, agree
 from icmj.base.blas_threads import limit_to_one_thread
 from icmj.base.files import write_text
 from icmj.base.text import one_line
@@ -263,18 +263,12 @@ def _rule(case: Case, unit: LinearPlant, progress: Callable[[float], None]) -> d
     known = model.states
     x_o = [case.settings.observer.get(name, 0.0) for name in known]
     return {
-        "exact": _same(model, unit), "delay": own, "delays": delays,
+        "exact": agree((model.A, model.B, model.C), (unit.A, unit.B, unit.C)), "delay": own, "delays": delays,
         "q": theory.rule.size, "least": theory.rule.delta_min,
         "controller": _modes(widest) | {"resets": resets},
         "start": {"x": _start(case), "a": x_o + x_o + [0.0] * (size - 2 * len(known))},
         "table": _table(case, theory, unit, delays, progress),
     }  # fmt: skip
-
-
-def _same(model: LinearPlant, plant: LinearPlant) -> bool:
-    """Whether the controller's model is the plant but for rounding: at b = 1 it is exact if so."""
-    pairs = [(getattr(model, letter), getattr(plant, letter)) for letter in "ABC"]
-    return all(a.shape == b.shape and bool(np.allclose(a, b, rtol=1e-9, atol=1e-12)) for a, b in pairs)
 
 
 def _table(

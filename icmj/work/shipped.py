@@ -97,14 +97,8 @@ def describe_shipped() -> dict[str, tuple[ShippedFile, ...]]:
     """All that is shipped but models: ``cases`` of the study; other cases by their folder, ``rivals`` (under other
     controllers) and ``joystick`` (plants of experiments); ``sweeps``, ``experiments`` and ``families``.
     """
-    groups: dict[str, tuple[ShippedFile, ...]] = {
-        "cases": (),
-        "rivals": (),
-        "joystick": (),
-        "sweeps": (),
-        "experiments": (),
-        "families": (),
-    }
+    kinds = ("cases", "rivals", "joystick", "sweeps", "experiments", "families")
+    groups: dict[str, tuple[ShippedFile, ...]] = dict.fromkeys(kinds, ())
     for shelf in (RUNS, SWEEPS, EXPERIMENTS, FAMILIES):
         for name, file in shelf.files.items():
             kind = "cases" if file.parent == RUNS.folder else file.parent.name

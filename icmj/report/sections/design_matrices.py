@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from icmj.base import numbers
-from icmj.base.array import Array
+from icmj.base.array import Array, agree
 from icmj.plant.linear_plant import LinearPlant
 from icmj.report.material import Material
 from icmj.report.section import Section
@@ -23,7 +22,7 @@ def compose(material: Material) -> Section | None:
     for case in cases:
         design = case.controller.design
         key = [design.plant.A, design.plant.B, design.plant.C, design.k, design.L]
-        block = next((b for k, b in blocks if _same(k, key)), None)
+        block = next((b for k, b in blocks if agree(k, key)), None)
         if block is None:
             block = {
                 "states": design.plant.states,
@@ -62,10 +61,6 @@ def _matrices(plant: LinearPlant, hat: str) -> list[dict[str, Any]]:
 def _sort_eigenvalues(A: Array) -> NDArray[np.complex128]:
     values = np.linalg.eigvals(A).astype(complex)
     return values[np.lexsort((values.imag, -values.real))]
-
-
-def _same(a: Sequence[Array], b: Sequence[Array]) -> bool:
-    return all(x.shape == y.shape and np.allclose(x, y, rtol=1e-9, atol=1e-12) for x, y in zip(a, b, strict=True))
 
 
 TEMPLATE = """\

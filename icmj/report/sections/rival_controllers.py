@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from icmj.base import numbers
-from icmj.base.array import count_steps, is_between
+from icmj.base.array import agree, count_steps, is_between
 from icmj.case.motion import curve
 from icmj.case.quantity import quantities
 from icmj.case.result import Result
@@ -104,9 +104,8 @@ def rivals(runs: Sequence[Result]) -> list[list[Rival]]:
 
 def _same_body(one: Result, other: Result) -> bool:
     a, b = one.actual, other.actual
-    if one.simulation.plant != other.simulation.plant or (a.n, a.n_u, a.outputs) != (b.n, b.n_u, b.outputs):
-        return False
-    return all(np.allclose(x, y, rtol=1e-9, atol=1e-12) for x, y in ((a.A, b.A), (a.B, b.B), (a.C, b.C)))
+    same = (one.simulation.plant, a.outputs) == (other.simulation.plant, b.outputs)
+    return same and agree((a.A, a.B, a.C), (b.A, b.B, b.C))
 
 
 def _rival(run: Result) -> Rival | None:
