@@ -107,12 +107,12 @@ def write_markdown(result: Result, compared: Comparison | None) -> str:
         f"- outcome: the run {simulation.outcome.message}",
         f"- motion: {result.motion.words}",
         f"- {len(simulation.events)} events, {len(simulation.t)} rows",
-        *(f"- {key.replace('_', ' ')}: {format_fact(value)}" for key, value in simulation.precision.items()),
+        *_list_facts(simulation.precision),
         *([f"- {words}" for words in simulation.pressure.words] if simulation.pressure else ()),
         *(f"- {name}: {format_fact(value)}" for name, value in result.measures.items()),
         "",
         "## Provenance",
-        *(f"- {key.replace('_', ' ')}: {value}" for key, value in result.provenance.items()),
+        *_list_facts(result.provenance),
     ]
     return "\n".join(lines) + "\n"
 
@@ -140,14 +140,14 @@ def _plain_page(result: Result) -> str:
     lines = [*_head(result), f"**{PLANTS[run.plant]}**, {result.controller.kind} control.", ""]
     lines.append(result.words)
     for title, facts in parts.items():
-        lines += [
-            "",
-            f"## {title}",
-            *(f"- {key.replace('_', ' ')}: {format_fact(value)}" for key, value in facts.items()),
-        ]
+        lines += ["", f"## {title}", *_list_facts(facts)]
     if run.pressure is not None:
         lines += ["", "## Ground", *(f"- {words}" for words in run.pressure.words)]
     return "\n".join(lines) + "\n"
+
+
+def _list_facts(facts: Mapping[str, Any]) -> list[str]:
+    return [f"- {key.replace('_', ' ')}: {format_fact(value)}" for key, value in facts.items()]
 
 
 def _settings(result: Result) -> dict[str, Any]:
