@@ -16,7 +16,6 @@ TOGETHER = {
     "report/findings": "figures of fits and experiments, small ones",
     "series/plates": "the load of plates, and what is left out by it",
     "study/kind": "what a kind of experiment offers, and what all of them share",
-    "study/periodic_response": "a response, and its figure",
 }
 
 
