@@ -17,7 +17,7 @@ from icmj.engine.linearisation import linearise
 from icmj.engine.model import load_spec
 from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.event_maps import compute_jacobian, compute_multipliers
+from icmj.theory.event_maps import compute_jacobians, compute_multipliers
 from icmj.theory.flow import make_flow
 from icmj.theory.locus import follow_locus
 from icmj.theory.orbit import compute_orbit
@@ -65,7 +65,7 @@ def analyse(system: ErrorSystem, trigger: EventTrigger) -> None:
     critical, _ = find_critical_crossing(search(system, DELTA_MAX, prepared=prepared).crossings)
     assert critical is not None
     found = compute_orbit(system, trigger, critical.delta, int(critical.kind), prepared=prepared)
-    compute_multipliers(compute_jacobian(system, trigger, found, prepared=prepared))
+    compute_multipliers(compute_jacobians(system, trigger, found, prepared=prepared)[0])
 
 
 def timed(run: Callable[[], object], repeats: int = REPEATS) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from icmj.controller.hold import system_matched
 from icmj.errors import DesignError
 from icmj.linear.run import simulate
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.event_maps import compute_jacobian
+from icmj.theory.event_maps import compute_jacobians
 
 Level = Callable[[np.ndarray], complex]
 
@@ -210,7 +210,7 @@ def assert_multipliers_agree(system, rule, prediction: Prediction, level: Level 
     """By differences along the imaginary axis, Im f(x + ih)/h: nothing is cut off, and nothing cancels."""
     orbit, size = prediction.orbit, len(prediction.orbit.x_bar)
     level = level or (lambda e: e @ rule.Q_t @ e / rule.q_t**2)
-    J, h = compute_jacobian(system, rule, orbit), 1e-30 * np.abs(orbit.x_bar).max()
+    J, h = compute_jacobians(system, rule, orbit)[0], 1e-30 * np.abs(orbit.x_bar).max()
     start, columns = whole(system, orbit.x_bar), []
     for direction in h * np.eye(size):  # coordinates change linearly
         end = next_event(system, level, start + 1j * whole(system, direction), orbit.delta)

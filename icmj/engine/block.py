@@ -295,9 +295,7 @@ def find_span(matrix: Array) -> tuple[int, int]:
 
 
 def _table(terms: Disturbance) -> Array:
-    return np.column_stack([
-        terms.input, terms.amplitude, terms.omega, terms.phase, terms.start, np.minimum(terms.end, FOREVER),
-    ])  # fmt: skip
+    return np.minimum(terms.table, (*[np.inf] * 5, FOREVER))
 
 
 def _segments(realisation: Realisation) -> Array:

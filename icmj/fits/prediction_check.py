@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,22 +33,6 @@ class Predictive:
     def inside(self) -> np.ndarray:
         """Whether the interval holds what was recorded, shape (k, m)."""
         return (self.observed >= self.low) & (self.observed <= self.high)
-
-
-def predict(theta: ArrayLike, stand: Callable[[Array, int], Array | None], observed: ArrayLike) -> Predictive:
-    """Let draws of the posterior stand, and measure them.
-
-    Args:
-        theta: draws of a family's numbers, shape (n, p).
-        stand: makes of one draw, and its place, the measures of a trial, shape (m,); ``None`` if it fell.
-        observed: measures of the recorded trials, shape (k, m).
-
-    Raises:
-        FitError: if fewer than twenty stood, of which no interval can be made.
-    """
-    draws = np.asarray(theta, dtype=float)
-    found = [stand(one, place) for place, one in enumerate(draws)]
-    return check_prediction([one for one in found if one is not None], len(draws), observed)
 
 
 def check_prediction(stood: ArrayLike, draws: int, observed: ArrayLike) -> Predictive:

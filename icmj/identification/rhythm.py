@@ -133,8 +133,3 @@ def _first(left, shifts: Array, sign: int, closed: float) -> tuple[float, int] |
             if best.fun < closed:
                 return float(best.x), sign
     return None
-
-
-def _part(curve: CubicSpline, at: Array, sign: int):  # type: ignore[no-untyped-def]
-    now = curve(at)
-    return lambda shift: float(np.mean((curve(at - shift) - sign * now) ** 2))

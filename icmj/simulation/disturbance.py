@@ -25,7 +25,7 @@ from icmj.series.interpolation import snap_rows
 from icmj.simulation.grid import interpolate_at
 from icmj.simulation.settings import Settings
 from icmj.simulation.sinusoids import Waves
-from icmj.simulation.sources import Bias, Gaussian, Gridded, Impulse, Noise, Placed, Sinusoids, Source
+from icmj.simulation.sources import Gaussian, Gridded, Impulse, Noise, Placed, Sinusoids, Source
 
 LOW_PASS_END = 20.0  # corner frequencies at which a low-pass spectrum is cut; 3 % of the power would lie beyond
 _FINE, _COARSE = 4000, 400  # instants: of one signal, and of each of many
@@ -64,6 +64,11 @@ class Disturbance:
 
     def __len__(self) -> int:
         return len(self.input) + len(self.gaussian) + len(self.shares)
+
+    @property
+    def table(self) -> Array:
+        """Its sinusoids, each (input, amplitude, ω, φ, start, end), shape (M, 6)."""
+        return np.column_stack([self.input, self.amplitude, self.omega, self.phase, self.start, self.end])
 
     @property
     def edges(self) -> Array:
@@ -141,14 +146,9 @@ class Pushes:
 
 def make_pushes(settings: Settings) -> Pushes:
     """p(t): the forces on the plant itself, summed for each place."""
-    places, terms = settings.pushes, []
-    gaussian: list[tuple[int, Gridded]] = []
-    for source in settings.disturbance:
-        if isinstance(source, Placed) and source.push is not None:
-            place = places.index(source.push)
-            terms += [(place, *term) for term in list_terms(source)]
-            gaussian += [(place, source)] if isinstance(source, Gridded) else []
-    return Pushes(places, _from_terms(len(places), terms, gaussian))
+    places, sources = settings.pushes, [of for of in settings.disturbance if isinstance(of, Placed)]
+    pairs = [(places.index(source.push), source) for source in sources if source.push is not None]
+    return Pushes(places, _gather(len(places), pairs))
 
 
 class Acting(NamedTuple):
@@ -193,9 +193,7 @@ def make_acting(plant: LinearPlant, settings: Settings, controller: Law | None =
         expect_held(controller, settings)
     errors = make_reading_error(sources, plant.outputs)
     if controller is not None and len(signals := controller.realisation.signals):
-        known = [errors.input, errors.amplitude, errors.omega, errors.phase, errors.start, errors.end]
-        own = signals + np.array([plant.n_y, 0, 0, 0, 0, 0])
-        terms = np.vstack([np.column_stack(known), own])
+        terms = np.vstack([errors.table, signals + np.array([plant.n_y, 0, 0, 0, 0, 0])])
         errors = _from_terms(controller.realisation.N.shape[1], terms, errors.gaussian)
     return Acting(make_disturbance(sources, plant.inputs), errors, make_pushes(settings))
 
@@ -224,8 +222,7 @@ def make_disturbance(sources: Sequence[Source], inputs: Sequence[str]) -> Distur
     Raises:
         SimulationError: if a source names an input that the plant does not have.
     """
-    beside = [source for source in sources if isinstance(source, Placed) and source.push is None]
-    return _sum([(source, source.input) for source in beside], inputs, "input")
+    return _sum([of for of in sources if isinstance(of, Placed) and of.push is None], inputs, "input")
 
 
 def make_reading_error(sources: Sequence[Source], outputs: Sequence[str]) -> Disturbance:
@@ -234,16 +231,12 @@ def make_reading_error(sources: Sequence[Source], outputs: Sequence[str]) -> Dis
     Raises:
         SimulationError: if a source names an output that the plant does not have.
     """
-    return _sum(
-        [(source, source.output) for source in sources if isinstance(source, Noise | Bias | Gridded | Sinusoids)],
-        outputs,
-        "output",
-    )
+    return _sum(sources, outputs, "output")
 
 
 def measure_realisation(noise: Noise, end: float) -> tuple[float, float]:
     """Mean and standard deviation of this realisation from its start to ``end`` [its unit]."""
-    drawn = _from_terms(1, [(0, *term) for term in list_terms(noise)])
+    drawn = _gather(1, [(0, noise)])
     values = drawn(np.linspace(noise.start, end, _FINE, endpoint=False))[:, 0]
     return float(values.mean()), float(values.std())
 
@@ -264,24 +257,30 @@ def _expect_spread(flat: bool, periods: float, terms: int) -> tuple[float, float
     spread = []
     for seed in range(_SEEDS):
         noise = Noise(input="u", size=1.0, seed=seed, terms=terms, **edge)  # type: ignore[arg-type]
-        spread.append(_from_terms(1, [(0, *term) for term in list_terms(noise)])(t)[:, 0].std())
+        spread.append(_gather(1, [(0, noise)])(t)[:, 0].std())
     low, high = np.quantile(spread, [0.025, 0.975])
     return float(low), float(high)
 
 
-def _sum(sources: Sequence[tuple[Source, str | None]], names: Sequence[str], what: str) -> Disturbance:
-    terms: list[tuple[float, ...]] = []
-    gaussian: list[tuple[int, Gridded]] = []
-    for source, name in sources:
-        if name is None:  # noise on the other side
+def _sum(sources: Sequence[Source], names: Sequence[str], what: str) -> Disturbance:
+    """All of these sources that name a place, as their ``what``, among those with these ``names``."""
+    pairs = []
+    for source in sources:
+        name = getattr(source, what, None)
+        if name is None:
             continue
         if name not in names:
             raise SimulationError(f"disturbance on {what} {name!r}: the plant's {what}s are {', '.join(names)}")
-        terms += [(names.index(name), *term) for term in list_terms(source)]
-        gaussian += [(names.index(name), source)] if isinstance(source, Gridded) else []
-    shares = tuple((at, noise) for at, noise in gaussian if isinstance(noise, Gaussian) and noise.share)
-    alone = [(at, noise) for at, noise in gaussian if not (isinstance(noise, Gaussian) and noise.share)]
-    return replace(_from_terms(len(names), terms, alone), shares=shares)
+        pairs.append((names.index(name), source))
+    found = _gather(len(names), pairs)
+    shares = tuple((at, noise) for at, noise in found.gaussian if isinstance(noise, Gaussian) and noise.share)
+    return replace(found, gaussian=tuple(pair for pair in found.gaussian if pair not in shares), shares=shares)
+
+
+def _gather(n_u: int, sources: Sequence[tuple[int, Source]]) -> Disturbance:
+    """The sum of sources, each with its place among ``n_u``."""
+    terms = [(at, *term) for at, source in sources for term in list_terms(source)]
+    return _from_terms(n_u, terms, [(at, source) for at, source in sources if isinstance(source, Gridded)])
 
 
 def list_terms(source: Source) -> list[tuple[float, ...]]:

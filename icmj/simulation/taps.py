@@ -322,7 +322,7 @@ def make_waves(duration: float, *parts: tuple[Disturbance, Array]) -> Waves:
     effect, terms, through, grids, values = [], [], [], [np.zeros((0, 4))], [np.zeros(0)]
     for part, effects in parts:
         effect.append(effects[:, part.input].T)
-        terms.append(np.column_stack([part.amplitude, part.omega, part.phase, part.start, part.end]))
+        terms.append(part.table[:, 1:])
         through.append(effects[:, [index for index, _ in part.gaussian]].T)
         for _, noise in part.gaussian:
             drawn, first = draw_at_points(noise, 0, count_points(noise, duration)), sum(map(len, values))

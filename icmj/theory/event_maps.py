@@ -29,20 +29,14 @@ from icmj.theory.reduction import Reduction
 _FOLLOWED = 200
 
 
-def compute_jacobian(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
-    """J = φ − (𝔗A_D Ā_C X⁻)(g e^{Ā_CΔ}𝔗̄)/(g Ā_C X⁻), with g the gradient of E at X⁻, shape (n + n̂, n + n̂).
-
-    For the paper's rule g = 2X⁻ᵀM with M = 𝔗_tᵀQ_t𝔗_t; in general it is the gradient on the active face.
-
-    NaN throughout where E grazes zero at the event (E' = 0): the map has no derivative there.
-    """
-    return np.asarray(compute_jacobians(system, trigger, orbit, prepared=prepared)[0])
-
-
 def compute_jacobians(system: ErrorSystem, trigger: EventRule, orbit: Orbit, *, prepared: Flow | None = None) -> Array:
     """J on each of the faces that the orbit reaches together, the active one first; shape (F', n + n̂, n + n̂).
 
-    Beside an orbit that reaches several, the map is the J of the face that is reached first (:func:`compute_growth`).
+    J = φ − (𝔗A_D Ā_C X⁻)(g e^{Ā_CΔ}𝔗̄)/(g Ā_C X⁻), with g the gradient of E at X⁻: for the paper's rule g = 2X⁻ᵀM with
+    M = 𝔗_tᵀQ_t𝔗_t; in general it is the gradient on the face. Beside an orbit that reaches several, the map is the J of
+    the face that is reached first (:func:`compute_growth`).
+
+    One of NaN throughout where E grazes zero at the event (E' = 0): the map has no derivative there.
     """
     e_A = (prepared or make_flow(system.A_C)).exponential(orbit.delta - system.delay.t_d)
     X = e_A @ (system.entry @ orbit.x_bar)

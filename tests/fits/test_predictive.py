@@ -7,23 +7,20 @@ import pytest
 
 from icmj.errors import FitError
 from icmj.fits.arviz_file import write_archive
-from icmj.fits.prediction_check import predict
+from icmj.fits.prediction_check import check_prediction
 
 
 def test_intervals_hold_nine_of_ten() -> None:
     generator = np.random.default_rng(0)
-    theta = generator.normal(size=(400, 1))
-
-    def stand(one: np.ndarray, place: int) -> np.ndarray | None:
-        return None if place % 4 == 0 else np.array([one[0] + generator.normal(), 1.0])
-
+    theta = generator.normal(size=300)
+    stood = np.column_stack([theta + generator.normal(size=300), np.ones(300)])
     observed = np.column_stack([np.sqrt(2) * generator.normal(size=500), np.ones(500)])
-    found = predict(theta, stand, observed)
+    found = check_prediction(stood, 400, observed)
     assert found.fell == 0.25
     assert found.inside[:, 0].mean() == pytest.approx(0.9, abs=3 * np.sqrt(0.09 / 300 + 0.09 / 500))
     assert found.inside[:, 1].all()
     with pytest.raises(FitError, match="15 of 20 draws of the posterior stood"):
-        predict(theta[:20], stand, observed)
+        check_prediction(stood[:15], 20, observed)
 
 
 @pytest.mark.slow

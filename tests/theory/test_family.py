@@ -22,7 +22,7 @@ from icmj.controller.delay import NO_DELAY
 from icmj.linear.run import simulate
 from icmj.theory.crossings import search
 from icmj.theory.error_system import ErrorSystem, error_system
-from icmj.theory.event_maps import compute_jacobian
+from icmj.theory.event_maps import compute_jacobians
 from icmj.theory.orbit_family import divide_by_family, list_mixtures
 
 
@@ -228,7 +228,7 @@ def assert_such_families(systems: Iterator[ErrorSystem], delays: list[Delay]) ->
         if p.verdict not in ("family", "repelling"):
             assert p.verdict != "attracting"
             continue
-        J, one = compute_jacobian(system, rule, p.orbit), np.eye(system.n_hat)
+        J, one = compute_jacobians(system, rule, p.orbit)[0], np.eye(system.n_hat)
         row = p.orbit.e_hp[-1] @ np.hstack([system.T_hat, one, 0 * one]) @ system.lift
         np.testing.assert_allclose(row @ J, row, atol=1e-7 * np.abs(row).max() * np.abs(J).max())
         assert len(p.multipliers) == len(J) - 1
