@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -87,9 +87,7 @@ class DelayedPID(Law):
     def plant(self) -> LinearPlant:
         return self.assumed
 
-    @property
-    def kind(self) -> Literal["delayed-pid"]:
-        return "delayed-pid"
+    kind = "delayed-pid"
 
     def facts(self) -> Mapping[str, Any]:
         found: dict[str, Any] = {

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -74,10 +74,7 @@ class PredictorController(Law):
         """The plant of its design."""
         return self.design.plant
 
-    @property
-    def kind(self) -> Literal["predictor"]:
-        """``predictor``."""
-        return "predictor"
+    kind = "predictor"
 
     def facts(self) -> Mapping[str, Any]:
         """The delays and the gains."""

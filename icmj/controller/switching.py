@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -102,9 +102,7 @@ class SwitchingPD(Law):
     def plant(self) -> LinearPlant:
         return self.assumed
 
-    @property
-    def kind(self) -> Literal["switching"]:
-        return "switching"
+    kind = "switching"
 
     def facts(self) -> Mapping[str, Any]:
         return {

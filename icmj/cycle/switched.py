@@ -112,7 +112,7 @@ class SwitchedMap:
         """
         delay, duration = self.law.delay, LONGEST * self.law.delay * p
         back = expm(-self.plant.A * _AHEAD * delay) @ z
-        if self._mode(back) != OFF:
+        if self.law.realisation.following(OFF, self.plant.C @ back) != OFF:
             raise LostInterval.after(ending.end_diverged(0.0, "does not begin where feedback is off"), 0.0)
         for _ in range(_PATIENCE):
             found = self.rounds(back, duration)
@@ -142,9 +142,6 @@ class SwitchedMap:
         quiet = on[since >= delay * (1 - 1e-12)]
         at = run.events.x[quiet] @ expm(-self.plant.A * delay).T
         return _Rounds(at, t, quiet, run.events.y_max, run.events.y_min, run.outcome)
-
-    def _mode(self, x: Array) -> int:
-        return self.law.realisation.following(OFF, self.plant.C @ x)
 
 
 @dataclass(frozen=True, eq=False)

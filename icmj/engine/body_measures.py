@@ -33,21 +33,22 @@ def shape(spec: mujoco.MjSpec, model: mujoco.MjModel, person: Person) -> mujoco.
     for body, above in zip(names, (*names[1:], None), strict=True):
         known = bodies[above].pos[2] if above else bodies[body].ipos[2]
         wanted = person.length_of(body) if above else person.com_of(body)
-        _measure(bodies[body], wanted / float(known), person, body)
+        lengthen(bodies[body], wanted / float(known))
+        bodies[body].ipos = [0, 0, person.com_of(body)]
+        _weigh(bodies[body], person, body)
         if above:
             bodies[above].pos = [0, 0, person.length_of(body)]
     _stand(spec, bodies, person)
-    for j, (joint, G) in enumerate(zip(JOINTS, person.toppling_stiffness(_gravity(spec)), strict=True)):
+    toppling = person.toppling_stiffness(float(np.linalg.norm(spec.option.gravity)))
+    for j, (joint, G) in enumerate(zip(JOINTS, toppling, strict=True)):
         joints[joint].stiffness = [person.stiffness[j] * G, *np.asarray(joints[joint].stiffness)[1:]]
         joints[joint].damping = [person.damping * G, *np.asarray(joints[joint].damping)[1:]]
     return spec.compile()
 
 
-def _measure(body: mujoco.MjsBody, factor: float, person: Person, name: str) -> None:
-    """Scale the elements of the body and set its mass; the inertia across the plane of sway scales in proportion."""
-    lengthen(body, factor)
+def _weigh(body: mujoco.MjsBody, person: Person, name: str) -> None:
+    """Set its mass; the inertia across the plane of sway scales in proportion."""
     inertia = np.asarray(body.inertia, dtype=float)
-    body.ipos = [0, 0, person.com_of(name)]
     body.inertia = inertia * (person.inertia_of(name) / inertia[1])
     body.mass = person.mass_of(name)
 
@@ -59,16 +60,7 @@ def _stand(spec: mujoco.MjSpec, bodies: dict[str, mujoco.MjsBody], person: Perso
         return
     factor = -ANKLE_HEIGHT * person.height / float(floor.pos[2])
     floor.pos = [floor.pos[0], floor.pos[1], -ANKLE_HEIGHT * person.height]
-    for name in ("feet", "foot"):
-        if name not in bodies:
-            continue
-        foot = bodies[name]
-        lengthen(foot, factor)
-        if name == "foot":
-            inertia = np.asarray(foot.inertia)
-            foot.mass = person.mass_of(name)
-            foot.inertia = inertia * (person.inertia_of(name) / inertia[1])
-
-
-def _gravity(spec: mujoco.MjSpec) -> float:
-    return float(np.linalg.norm(spec.option.gravity))
+    for body in filter(None, map(bodies.get, ("feet", "foot"))):
+        lengthen(body, factor)
+    if "foot" in bodies:
+        _weigh(bodies["foot"], person, "foot")

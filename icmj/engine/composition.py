@@ -82,10 +82,12 @@ def _compile(spec: mujoco.MjSpec, bare: mujoco.MjModel, size: int, room: int) ->
             key.ctrl = [*key.ctrl, 0.0]
         if len(key.act):
             key.act = [*key.act, *np.zeros(size)]
+    first = spec.joints[0]
+    first.name = first.name or f"{NAME}_joint"
     never = mujoco.mjtLimited.mjLIMITED_FALSE
     # every law and limit is named, for a model's own defaults would give it a servo's bias or a muscle's force
     spec.add_actuator(
-        name=NAME, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=spec.joints[0].name or _name_states(spec.joints[0]),
+        name=NAME, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=first.name,
         dyntype=mujoco.mjtDyn.mjDYN_USER, actdim=size, dynprm=np.zeros(10),
         gaintype=mujoco.mjtGain.mjGAIN_FIXED, gainprm=np.zeros(10),
         biastype=mujoco.mjtBias.mjBIAS_NONE, biasprm=np.zeros(10), damping=np.zeros(3), armature=0.0,
@@ -256,8 +258,3 @@ def _check(bare: mujoco.MjModel, name: str, plant: MujocoPlant, controller: Law)
             )
     if bare.nplugin:
         raise ModelError(f"model {name!r} has engine plugins, whose state a step cannot be undone over")
-
-
-def _name_states(joint: mujoco.MjsJoint) -> str:
-    joint.name = f"{NAME}_joint"
-    return str(joint.name)

@@ -13,6 +13,7 @@ import io
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -54,9 +55,14 @@ class BankPlan:
     duration: float
 
 
-def rows(plan: BankPlan, draws: range, progress: Callable[[float], None] | None = None) -> bytes:
-    """A Parquet file of some draws, computed with one thread of linear algebra, so that the load changes no bit."""
-    family = FAMILIES.get(plan.path)
+def rows(
+    plan: BankPlan, draws: range, progress: Callable[[float], None] | None = None, family: Family | None = None
+) -> bytes:
+    """A Parquet file of some draws, computed with one thread of linear algebra, so that the load changes no bit.
+
+    ``family`` is that of the plan, if it is at hand.
+    """
+    family = family or load_last(plan.path)
     found: dict[str, list[Any]] = {"draw": [], "fell": [], "theta": [], "summaries": []}
     with limit_to_one_thread():
         for draw in draws:
@@ -147,20 +153,10 @@ def _lists(column: pa.ChunkedArray, width: int) -> Array:
     return np.asarray(values.to_numpy(zero_copy_only=False)).reshape(-1, width)
 
 
-class Families:
-    """The family that this process was asked for last."""
-
-    def __init__(self) -> None:
-        self.known: dict[str, Family] = {}
-
-    def get(self, path: str) -> Family:
-        """The family of a file."""
-        if path not in self.known:
-            self.known = {path: load_family(path)}
-        return self.known[path]
-
-
-FAMILIES = Families()
+@lru_cache(maxsize=1)
+def load_last(path: str) -> Family:
+    """The family of a file; the one that this process was asked for last is at hand."""
+    return load_family(path)
 
 
 WHAT, DRAWS = "bank", "draws"
@@ -343,9 +339,8 @@ def _compute(
     if not left:
         return
     if jobs == 1 and dask is None:
-        FAMILIES.known[plan.path] = family
         for part in left:
-            yield part, rows(plan, part), ""
+            yield part, rows(plan, part, family=family), ""
         return
     with crew(rows, jobs, dask) as workers:
         yield from workers.compute(plan, iter(left))

@@ -234,7 +234,8 @@ def statistics(simulation: Simulation) -> Statistics | None:
     intervals = simulation.events.interval[is_between(simulation.events.t, start)]
     several = len(intervals) >= 2
     none = np.zeros(0), np.zeros(0)
-    counts, edges = np.histogram(intervals, _bins(intervals), find_range(intervals)) if several else none
+    bins = max(10, int(np.ceil(2 * len(intervals) ** (1 / 3))))  # by Rice's rule
+    counts, edges = np.histogram(intervals, bins, find_range(intervals)) if several else none
     at_least = is_between(intervals, simulation.least, simulation.least)
     return Statistics(
         start=start,
@@ -256,11 +257,6 @@ def show(estimate: Estimate, unit: float = 1.0) -> str:
     """``0.52 ± 0.03``; in another unit, times ``unit``."""
     value, error = estimate.value * unit, estimate.error * unit
     return f"{value:.3g}" + (f" ± {error:.2g}" if np.isfinite(error) and error > 0 else "")
-
-
-def _bins(intervals: Array) -> int:
-    """Edges of the bins, whose number follows Rice's rule, at least ten."""
-    return max(10, int(np.ceil(2 * len(intervals) ** (1 / 3))))
 
 
 _BINS, _STEPS = 256, 20  # of the range, and halvings of the bandwidth's logarithm

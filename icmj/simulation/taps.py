@@ -172,6 +172,7 @@ def make_taps(realisation: Realisation, n_y: int, rate: float, *, exact: bool) -
     nodes = -np.cos(np.pi * (np.arange(number) + 0.5) / max(number, 1))
     fit = np.linalg.inv(np.vander(nodes, increasing=True)) if number else np.zeros((0, 0))
     R, signals = realisation.signals_of(n_y), realisation.signals
+    edges = np.unique(signals[:, 4:])  # where they begin, end or jump
     Q = np.zeros((len(guards), n_v + size, n_v + size))
     for whole, guard in zip(Q, guards, strict=True):
         whole[: len(guard.Q), : len(guard.Q)] = guard.Q
@@ -191,7 +192,7 @@ def make_taps(realisation: Realisation, n_y: int, rate: float, *, exact: bool) -
         wait=float(realisation.wait), delay=float(realisation.delay), clock=float(realisation.clock),
         sampling=float(realisation.sampling), period=float(realisation.period),
         signals=Waves(np.eye(R)[signals[:, 0].astype(int)], np.ascontiguousarray(signals[:, 1:])),
-        edges=np.append(list_signal_edges(realisation), np.inf), F=make_bernstein_matrix(2 * POWERS - 2),
+        edges=np.append(edges[np.isfinite(edges)], np.inf), F=make_bernstein_matrix(2 * POWERS - 2),
         rough=ROUGH if exact else ROUGH_ON_ENGINE, exact=exact, nodes=nodes, fit=np.ascontiguousarray(fit),
     )  # fmt: skip
 
@@ -242,12 +243,6 @@ def begin_at(taps: Taps, now: ControllerState, edges: Array, t: float) -> None:
     now.due[TICK] = floor(t / taps.clock * (1 + 1e-12)) + 1
     now.due[ACTED], now.due[PLANNED] = 0, taps.delay > 0
     now.queue[0] = t + taps.delay  # the event at the start makes a prediction like any other
-
-
-def list_signal_edges(realisation: Realisation) -> Array:
-    """Times at which its signals begin, end or jump, increasing [s]."""
-    times = np.unique(realisation.signals[:, 4:])
-    return np.asarray(times[np.isfinite(times)])
 
 
 def list_levels(edges: Array, acting: Acting) -> np.ndarray:
