@@ -28,6 +28,7 @@ from icmj.errors import DataError
 LEVEL = 0.05  # of the analysis of variance and of what follows it
 FEWEST, FEWEST_INTERVALS = 3, 3  # pairs of an interval; intervals
 RESAMPLES, FEWEST_RESAMPLES, CONFIDENCE = 2000, 100, 0.95
+ESTIMATES = ("free", "slope", "fixed", "largest", "range")
 OUTLYING = 5.0  # deviations of RT1
 _NORMAL = 1.4826  # standard deviations in a median deviation of normal numbers
 _NOTHING = 1e-12  # s²: a line that is better by less is none
@@ -152,7 +153,7 @@ def refractoriness(
     tail = (1 - CONFIDENCE) / 2
     with ignore_warnings():  # where no line is, it has no slope
         low, high = np.nanquantile(drawn, [tail, 1 - tail], axis=0)
-    free, slope, fixed, largest, span = (Estimate(*map(float, of)) for of in zip(found[0], low, high, strict=True))
+    estimates = (Estimate(*map(float, of)) for of in zip(found[0], low, high, strict=True))
     return Refractoriness(
         isi=values,
         count=count,
@@ -161,11 +162,7 @@ def refractoriness(
         rt1_error=error[:, 0],
         rt2_error=error[:, 1],
         rt1_mean=float(times[:, 0].mean()),
-        free=free,
-        slope=slope,
-        fixed=fixed,
-        largest=largest,
-        range=span,
+        **dict(zip(ESTIMATES, estimates, strict=True)),
         p=_variance_p(times[:, 0], [part[:, 1] for part in of]),
         discarded=len(np.asarray(isi)) - len(each),
     )

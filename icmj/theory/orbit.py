@@ -25,6 +25,7 @@ TIE = 1e-9
 _MOST_CELLS = 5_000_000
 # polynomials are made for a part of the cells at a time (cells times states), so that they take tens of megabytes
 _CELLS_AT_ONCE = 100_000
+EXTENTS = ("y_peak", "u_peak", "x_peak", "y_range", "u_range", "x_range")
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,8 +170,7 @@ def compute_orbit(
     else:
         reason = _obstacle(np.concatenate(watched, axis=1), reached, trigger.delta_min, t, t_d)
     cuts = np.cumsum([system.actual.n_y, system.actual.n_u])
-    y_peak, u_peak, x_peak = np.split(peak, cuts)
-    y_range, u_range, x_range = np.split(spread, cuts)
+    sizes = zip(EXTENTS, (*np.split(peak, cuts), *np.split(spread, cuts)), strict=True)
     return Orbit(
         delta=float(delta),
         sign=int(sign),
@@ -183,12 +183,7 @@ def compute_orbit(
         u=X @ system.C_u.T,
         e_hp=X @ system.T_t.T,
         E=faces.E(X @ system.T_t.T),
-        y_peak=y_peak,
-        u_peak=u_peak,
-        x_peak=x_peak,
-        y_range=y_range,
-        u_range=u_range,
-        x_range=x_range,
+        **dict(sizes),
         admissible=not reason,
         reason=reason,
         drift=drift * factor,

@@ -32,7 +32,7 @@ from icmj.theory.event_maps import (
 )
 from icmj.theory.flow import Flow, make_flow
 from icmj.theory.neutral_modes import NeutralMode
-from icmj.theory.orbit import Orbit, compute_critical_vectors
+from icmj.theory.orbit import EXTENTS, Orbit, compute_critical_vectors
 from icmj.theory.orbit import compute_orbit as orbit_at
 from icmj.theory.orbit_family import OrbitFamily, describe_family, divide_by_family, list_mixtures
 from icmj.theory.outlook import Outlook, look_beyond
@@ -86,7 +86,8 @@ FALLS = (
     "start near enough"
 )
 _JUDGED = ("multipliers", "verdict", "family", "V_inv", "v_condition")
-_SIZES = ("gamma", "x_bar", "X", "y", "u", "e_hp", "y_peak", "u_peak", "x_peak", "y_range", "u_range", "x_range")
+_SIZES = ("gamma", "x_bar", "X", "y", "u", "e_hp", *EXTENTS)
+_OF_ONE = ("delta_crit", "eigenvalue", "period", "gamma", "amplitude", "orbit", "multipliers", "V_inv")
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,19 +312,12 @@ def predict(
     orbits = tuple(_catalogue(system, trigger, found.crossings, paper, prepared, reduced))
     report(1.0)
     nothing = Prediction(
-        delta_crit=None,
-        eigenvalue=None,
+        **dict.fromkeys(_OF_ONE),
         cycle=any(one.settles for one in orbits),
-        period=None,
-        gamma=None,
-        amplitude=None,
         crossings=found.crossings,
         delta_max=found.delta_end,
-        orbit=None,
-        multipliers=None,
         verdict="none",
         v_condition=float("nan"),
-        V_inv=None,
         state_feedback_stable=is_stable_modulo_neutral(
             system.actual.A - system.actual.B @ system.k, system.actual.B, system.k
         ),
