@@ -346,6 +346,11 @@ class Comparison(WithCard):
         return Card(f"{self.case} on the {self.plant} plant, {settled}, {interval}", tuple(rows), self.words)
 
 
+_RECORDED = (
+    "case", "plant", "changes", "predicted", "measured", "relative_error", "words", "notices", "pressure", "measures",
+)  # fmt: skip
+
+
 def compare(result: Result) -> Comparison:
     """Compare a simulated run with the prediction for it.
 
@@ -381,18 +386,8 @@ def compare(result: Result) -> Comparison:
 
 def to_json(comparison: Comparison) -> dict[str, Any]:
     """A record of ``summary.json``: plain numbers, lists and ``None``; a complex number is [re, im]."""
-    return {
-        "case": comparison.case,
-        "plant": comparison.plant,
-        **({"changes": comparison.changes} if comparison.changes else {}),
-        "predicted": plain(vars(comparison.predicted)),
-        "measured": plain(vars(comparison.measured)),
-        "relative_error": plain(vars(comparison.relative_error)),
-        "words": comparison.words,
-        "notices": list(comparison.notices),
-        **({"pressure": plain(dict(comparison.pressure))} if comparison.pressure else {}),
-        **({"measures": plain(dict(comparison.measures))} if comparison.measures else {}),
-    }
+    told = plain(vars(comparison))
+    return {key: told[key] for key in _RECORDED if told[key] or key not in ("changes", "pressure", "measures")}
 
 
 def to_record(result: Result) -> dict[str, Any]:
