@@ -35,9 +35,8 @@ class LinearOpenLoop:
         else:
             end, z = simulator.t, simulator.z.copy()
             y_max, y_min = np.full(loop.plant.n_y, np.nan), np.full(loop.plant.n_y, np.nan)
-            outcome = (
-                ending.end_complete(end, np.zeros(0), 0.0) if status is Status.COMPLETED else simulator.outcome(status)
-            )
+            complete = status is Status.COMPLETED
+            outcome = ending.end_complete(end, np.zeros(0), 0.0) if complete else simulator.end.tell(status, end, z)
         x = loop.x(z)
         return OpenLoopInterval(end - t, x, loop.x_o(z), loop.x_h(z), loop.plant.C @ x, y_max, y_min, outcome)
 

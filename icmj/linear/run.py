@@ -27,11 +27,11 @@ from icmj.controller.law import Law
 from icmj.controller.realisation import Realisation
 from icmj.linear.loop import find_positions
 from icmj.linear.native.stretches import Body, Grid, Track, compile_stretches
-from icmj.linear.simulator import Simulator
+from icmj.linear.simulator import RunEnd, Simulator
 from icmj.plant.linear_plant import LinearPlant
-from icmj.simulation import ending, position_limit
+from icmj.simulation import position_limit
 from icmj.simulation.disturbance import Acting, make_acting
-from icmj.simulation.ending import EventPace, Outcome
+from icmj.simulation.ending import Outcome
 from icmj.simulation.grid import list_points
 from icmj.simulation.native.loop import Status
 from icmj.simulation.native.waves import Waves
@@ -136,41 +136,26 @@ def simulate_tapped(
     )  # fmt: skip
     track.X[:, 0] = x
     rows = [np.concatenate([[0.0], x, compute_first_command(taps, history, now), now.mode[:1]])[None, :]]
-    events, pace, outcome, march = [track.events[:0].copy()], EventPace(settings.duration), None, compile_stretches()
+    events, march = [track.events[:0].copy()], compile_stretches()
 
-    def keep() -> Array:
+    def advance() -> int:
+        nonlocal body, history, now
+        status: int = call(march, taps, body, history, now, track)
+        t = float(track.t[0])
+        body = body._replace(lasting=lasting.reach(t), wrong=wrong.reach(t))
+        if status == Status.FULL:
+            history, now = widen(history), lengthen(now)
+        return status
+
+    def keep(_: bool) -> Array:
         with defer_interrupt():
             rows.append(track.rows[: track.counts[1]].copy())
             events.append(track.events[: track.counts[2]].copy())
             track.counts[1:3] = 0
             return events[-1][:, 0]
 
-    try:
-        while outcome is None:
-            status = call(march, taps, body, history, now, track)
-            times, t = keep(), float(track.t[0])
-            body = body._replace(lasting=lasting.reach(t), wrong=wrong.reach(t))
-            if progress is not None:
-                progress(t / settings.duration)
-            if status == Status.FULL:
-                history, now = widen(history), lengthen(now)
-            elif status == Status.COMPLETED:
-                intervals = np.diff(np.concatenate(events)[:, 0], prepend=0.0)
-                outcome = ending.end_complete(settings.duration, intervals, get_least_interval(realisation))
-            elif status == Status.FELL:
-                at = int(np.argmax(np.abs(track.X[find_positions(plant), 0]) / limits))
-                outcome = ending.end_fallen(t, names[at], limits[at], units[at])
-            elif status == Status.STALLED:
-                outcome = ending.end_stalled(t)
-            elif status == Status.DIVERGED:
-                outcome = ending.end_diverged(t, "a state exceeded 1e+12")
-            elif (took := pace.stalled(*times)) is not None:
-                outcome = ending.end_stalled(t, took)
-    except KeyboardInterrupt:
-        keep()
-        if track.t[0] == 0:  # there is nothing to keep; it may have been compiling
-            raise
-        outcome = ending.end_interrupted(float(track.t[0]), settings.duration)
+    end, least = RunEnd(plant, limits, settings.duration), get_least_interval(realisation)
+    outcome = end.pursue(advance, keep, lambda: (float(track.t[0]), track.X[:, 0]), least, progress)
     R, K = np.concatenate(rows), np.concatenate(events)
     kept, jumps, leads, mode = part_rows(R[:, 0], R[:, 1 + n : -1], R[:, -1])
     R = R[kept]

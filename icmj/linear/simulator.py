@@ -10,7 +10,7 @@ import numpy as np
 from icmj.base.array import Array
 from icmj.base.interruption import defer_interrupt
 from icmj.controller.controller import Controller
-from icmj.linear.loop import LinearLoop, make_forcing, make_linear_loop
+from icmj.linear.loop import LinearLoop, find_positions, make_forcing, make_linear_loop
 from icmj.linear.native.motion import FRESH, Acting, Count, Now, Run, Tables
 from icmj.linear.response import Response
 from icmj.linear.tables import make_tables
@@ -42,6 +42,56 @@ class Collection:
     y_min: Array
 
 
+@dataclass(frozen=True, eq=False)
+class RunEnd:
+    """How a run ends: of ``plant``, the ``limits`` of whose positions are in their order, after ``duration`` [s]."""
+
+    plant: LinearPlant
+    limits: Array
+    duration: float
+
+    def tell(self, status: Status, t: float, x: Array) -> Outcome:
+        """The outcome for a return code at the state ``x``, or what begins with it: all but those of a complete run."""
+        if status == Status.FELL:
+            positions = find_positions(self.plant)
+            at = int(np.argmax(np.abs(x[positions]) / self.limits))
+            state = positions[at]
+            return ending.end_fallen(t, self.plant.states[state], self.limits[at], self.plant.state_units[state])
+        return ending.end_stalled(t) if status == Status.STALLED else ending.end_diverged(t, "a state exceeded 1e+12")
+
+    def pursue(
+        self,
+        advance: Callable[[], int],
+        keep: Callable[[bool], Array],
+        now: Callable[[], tuple[float, Array]],
+        least: float,
+        progress: Callable[[float], None] | None,
+    ) -> Outcome:
+        """``advance`` until the run ends; returns how it did. An interrupted run keeps its results so far.
+
+        ``keep`` stores what was recorded since its last call, which may be the last, and returns the times of its
+        events [s]; ``now`` tells the time and the state. The ``least`` interval is the controller's [s].
+        """
+        pace, times = EventPace(self.duration), [np.zeros(1)]
+        try:
+            while True:
+                status = advance()
+                times.append(keep(status == Status.COMPLETED))
+                if progress is not None:
+                    progress(now()[0] / self.duration)
+                if status == Status.COMPLETED:
+                    return ending.end_complete(self.duration, np.diff(np.concatenate(times)), least)
+                if status in (Status.FELL, Status.DIVERGED, Status.STALLED):
+                    return self.tell(Status(status), *now())
+                if (took := pace.stalled(*times[-1])) is not None:
+                    return ending.end_stalled(now()[0], took)
+        except KeyboardInterrupt:
+            keep(False)
+            if now()[0] == 0:  # there is nothing to keep; it may have been compiling
+                raise
+            return ending.end_interrupted(now()[0], self.duration)
+
+
 class Simulator:
     """The compiled simulation of one loop, with its buffers; not for two threads at once.
 
@@ -50,12 +100,14 @@ class Simulator:
         disturbance: beside the plant's commands.
         pushes: on the plant itself.
         tables: the numbers that stay.
+        end: how a run ends.
     """
 
     loop: LinearLoop
     disturbance: Disturbance
     pushes: Pushes
     tables: Tables
+    end: RunEnd
 
     def __init__(
         self, plant: LinearPlant, controller: Controller, settings: Settings, interval: float = np.inf
@@ -75,8 +127,9 @@ class Simulator:
         self.loop = loop = make_linear_loop(plant, controller, [index for index, _ in shares])
         acting = make_forcing(loop, *parts)
         names, units = (tuple(of[i] for i in loop.positions) for of in (plant.states, plant.state_units))
-        self.duration, self.limits = float(settings.duration), position_limit.get_limits(settings.limit, names, units)
-        self.tables = T = make_tables(loop, acting, self.duration, self.limits, interval, [of for _, of in shares])
+        limits, duration = position_limit.get_limits(settings.limit, names, units), float(settings.duration)
+        self.end = RunEnd(plant, limits, duration)
+        self.tables = T = make_tables(loop, acting, duration, limits, interval, [of for _, of in shares])
         self._response = Response(T, acting)
         m, n_y, rows = loop.moving, plant.n_y, int(min(T.step / interval, 1e9)) + 8
         self._m, self._n_y, several = m, n_y, np.isfinite(interval)
@@ -119,16 +172,14 @@ class Simulator:
 
     def run(self, w: Array, progress: Callable[[float], None] | None = None) -> tuple[Collection, Outcome]:
         """The whole run from ``w`` at t = 0, which is an event; an interrupted run keeps its results so far."""
-        duration, pace = self.duration, EventPace(self.duration)
         # a buffer that is large enough becomes the result, with room for a row at either end
         t, Z = np.empty(self._capacity + 2), np.empty((self._capacity + 2, self._m))
         self._run = self._run._replace(rows_t=t[1:-1], rows_z=Z[1:-1])
         rows: list[tuple[Array, Array]] = [(np.zeros(1), w[None, : self._m].copy())]
         events: list[Array] = [self._run.events[:0].copy()]
         self.begin(w, 0.0)
-        outcome = None
 
-        def keep(last: bool = False) -> Array:
+        def keep(last: bool) -> Array:
             """Store the rows recorded since the last call; returns the times of the events."""
             counts = self._run.counts
             with defer_interrupt():
@@ -140,25 +191,9 @@ class Simulator:
                 counts[Count.ROWS] = counts[Count.EVENTS] = 0
                 return events[-1][:, 0]
 
-        try:
-            while outcome is None:
-                # who follows the run hears of every event
-                status, *_ = self.advance(1 << 40 if progress is None else 1)
-                times = keep(status is Status.COMPLETED)
-                if progress is not None:
-                    progress(self.t / duration)
-                if status is Status.COMPLETED:
-                    least = self.loop.controller.least
-                    outcome = ending.end_complete(duration, np.diff(np.concatenate(events)[:, 0], prepend=0.0), least)
-                elif status in (Status.FELL, Status.DIVERGED):
-                    outcome = self.outcome(status)
-                elif (took := pace.stalled(*times)) is not None:
-                    outcome = ending.end_stalled(self.t, took)
-        except KeyboardInterrupt:
-            keep()
-            if self.t == 0:  # there is nothing to keep; it may have been compiling
-                raise
-            outcome = ending.end_interrupted(self.t, duration)
+        # who follows the run hears of every event
+        at_once, least = 1 << 40 if progress is None else 1, self.loop.controller.least
+        outcome = self.end.pursue(lambda: self.advance(at_once)[0], keep, lambda: (self.t, self.z), least, progress)
         if len(rows) == 2 and rows[1][0].base is t:
             until = 1 + len(rows[1][0])
             t[[0, until]], Z[0], Z[until] = (0.0, self.t), w[: self._m], self.z
@@ -169,15 +204,6 @@ class Simulator:
                 rows.append((np.array([self.t]), self.z[None, :].copy()))
             t, Z = (np.concatenate(parts) for parts in zip(*rows, strict=True))
         return Collection(t, Z, *self._split(np.concatenate(events))), outcome
-
-    def outcome(self, status: Status) -> Outcome:
-        """The outcome for a return code at the present state: a fall or divergence."""
-        if status is Status.FELL:
-            plant, positions = self.loop.plant, self.loop.positions
-            at = int(np.argmax(np.abs(self.z[positions]) / self.limits))
-            state = positions[at]
-            return ending.end_fallen(self.t, plant.states[state], self.limits[at], plant.state_units[state])
-        return ending.end_diverged(self.t, "a state exceeded 1e+12")
 
     def advance(self, events: int = 1 << 40) -> tuple[Status, int, int]:
         """Continue for at most this number of events; returns why it stopped, and how many rows and events it has."""
