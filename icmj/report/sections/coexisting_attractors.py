@@ -64,14 +64,9 @@ def _intervals(found: Attractor) -> str:
 
 
 TEMPLATE = """\
-{% from "macros.html.j2" import mark %}
+{% from "macros.html.j2" import stack %}
 <p>The prediction is local: even if the predicted cycle attracts, some initial states may lead to another motion. Each case was started on the linear plant from random states of several magnitudes around that of its run. The table lists every motion that was found; a motion and its mirror image count as one. The search is not exhaustive: it can miss a motion that few initial states lead to.</p>
 <div class="wide"><table class="stack">
 <caption><b>Table {{ next_table() }}.</b> Motions found on the linear plant, and the number of starts that led to each. ✓ agrees with the prediction; ○ a cycle or another motion that is not predicted.</caption>
-<thead><tr><th scope="col">Case</th><th scope="col">Motion</th><th scope="col">Intervals (s)</th><th scope="col">Peak output</th><th scope="col">Starts</th><th scope="col">As predicted</th></tr></thead>
-<tbody>
-{% for row in c.rows %}
-<tr><th scope="row">{{ row.title }}</th><td data-label="Motion">{{ row.motion }}</td><td data-label="Intervals (s)">{{ row.intervals }}</td><td data-label="Peak output">{{ row.peak }}</td><td data-label="Starts">{{ row.starts }}</td><td data-label="As predicted">{{ mark(*row.mark) }}</td></tr>
-{% endfor %}
-</tbody></table></div>
+{{ stack(["Case", "Motion", "Intervals (s)", "Peak output", "Starts", "As predicted"], c.rows) }}
 """  # noqa: E501

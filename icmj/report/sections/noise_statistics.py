@@ -31,7 +31,7 @@ def compose(material: Material) -> Section | None:
         {
             "title": case.first.run.title,
             "pictures": [material.show(drawing) for drawing in drawings],
-            "outputs": label_outputs(case.first.actual),
+            "outputs": [f"RMS {name}" for name in label_outputs(case.first.actual)],
             "rows": _rows(case),
             "cycle": _cycle_sentence(case),
             "sway": _sway(case),
@@ -81,24 +81,15 @@ def estimate(found: Estimate | None, unit: float = 1.0) -> str:
     return f"{numbers.number(found.value * unit, 3)}{error}"
 
 
-def _rows(case: CaseRuns) -> list[dict[str, Any]]:
+def _rows(case: CaseRuns) -> list[list[Any]]:
     rows = []
     for plant, result in case.runs.items():
         found = result.statistics
         if found is not None:
-            rows.append(
-                {
-                    "plant": NAME[plant],
-                    "events": found.events,
-                    "interval": estimate(found.interval),
-                    "deviation": estimate(found.interval_deviation),
-                    "binding": estimate(found.binding, 100) if found.least > 0 else numbers.MISSING,
-                    "rms": [
-                        estimate(rms, shown.factor)
-                        for rms, shown in zip(found.rms, quantities(result.actual), strict=True)
-                    ],
-                }
-            )
+            binding = estimate(found.binding, 100) if found.least > 0 else numbers.MISSING
+            row = [NAME[plant], found.events, estimate(found.interval), estimate(found.interval_deviation), binding]
+            each = zip(found.rms, quantities(result.actual), strict=True)
+            rows.append([*row, *(estimate(rms, shown.factor) for rms, shown in each)])
     return rows
 
 
@@ -123,27 +114,17 @@ def _sway(case: CaseRuns) -> dict[str, Any] | None:
 
 
 TEMPLATE = """\
-{% from "macros.html.j2" import beside %}
+{% from "macros.html.j2" import beside, stack %}
 <p>Under noise the motion is not periodic; it is described by distributions, which leave out the first tenth of the run. Each number is given with the half-width of its 95 % confidence interval, estimated from ten blocks. Δ<sub>min</sub> is the refractory period. RMS is the root mean square. The share of intervals that are as short as Δ<sub>min</sub> shows how often the refractory period, rather than the event rule, determines the next event.</p>
 {% for item in c['items'] %}
 <figure class="law">
 {{ beside(item.title, item.pictures) }}
 <div class="wide"><table class="stack">
-<thead><tr><th scope="col">Plant</th><th scope="col">Events</th><th scope="col">Mean interval (s)</th><th scope="col">Standard deviation (s)</th><th scope="col">At Δ<sub>min</sub> (%)</th>{% for name in item.outputs %}<th scope="col">RMS {{ name }}</th>{% endfor %}</tr></thead>
-<tbody>
-{% for row in item.rows %}
-<tr><th scope="row">{{ row.plant }}</th><td data-label="Events">{{ row.events }}</td><td data-label="Mean interval (s)">{{ row.interval }}</td><td data-label="Standard deviation (s)">{{ row.deviation }}</td><td data-label="At Δ_min (%)">{{ row.binding }}</td>{% for value in row.rms %}<td data-label="RMS {{ item.outputs[loop.index0] }}">{{ value }}</td>{% endfor %}</tr>
-{% endfor %}
-</tbody></table></div>
+{{ stack(["Plant", "Events", "Mean interval (s)", "Standard deviation (s)", "At Δ_min (%)"|notation] + item.outputs, item.rows) }}
 {% if item.sway %}
 <div class="wide"><table class="stack across">
 <caption><b>Table {{ next_table() }}.</b> Sway of the centre of pressure from back to front over {{ item.sway.seconds }} s, beside young people who stand quietly (mean ± standard deviation of 24 trials of 60 s of eight people, recordings of Santos and Duarte 2016, doi 10.7717/peerj.2648). H is the exponent of stabilogram diffusion.</caption>
-<thead><tr><th scope="col"></th>{% for name in item.sway.heads %}<th scope="col">{{ name }}</th>{% endfor %}</tr></thead>
-<tbody>
-{% for row in item.sway.rows %}
-<tr><th scope="row">{{ row[0] }}</th>{% for value in row[1:] %}<td data-label="{{ item.sway.heads[loop.index0] }}">{{ value }}</td>{% endfor %}</tr>
-{% endfor %}
-</tbody></table></div>
+{{ stack([""] + item.sway.heads, item.sway.rows) }}
 {% endif %}
 <figcaption><b>Figure {{ next_figure() }}.</b> {{ item.title }}: histogram of the open-loop intervals, and power spectra of the outputs (Welch, Hann windows of a quarter of the run; faint: 95 % confidence band of the plant drawn last). {{ item.cycle|notation }}</figcaption>
 </figure>

@@ -40,7 +40,7 @@ def compose(material: Material) -> Section | None:
             ),
             "motion": material.other_motions.get(name),
             "facts": _controller_facts(same[0]),
-            "outputs": label_outputs(same[0].actual),
+            "outputs": [f"RMS {name}" for name in label_outputs(same[0].actual)],
             "rows": [_row(run) for run in same],
             "notices": list(map(notice_in_words, dict.fromkeys(notice for run in same for notice in run.notices))),
         }
@@ -53,15 +53,9 @@ def _controller_facts(run: Result) -> list[tuple[str, str]]:
     return [(key.replace("_", " "), numbers.setting(_show(value))) for key, value in run.controller.facts().items()]
 
 
-def _row(run: Result) -> dict[str, Any]:
-    simulation = run.simulation
-    return {
-        "plant": NAME[simulation.plant],
-        "kind": kind_in_words(run),
-        "end": simulation.outcome.message,
-        "switches": len(simulation.events),
-        "rms": list_rms(run),
-    }
+def _row(run: Result) -> list[Any]:
+    of = run.simulation
+    return [NAME[of.plant], kind_in_words(run), of.outcome.message, len(of.events), *list_rms(run)]
 
 
 def _show(value: Any) -> Any:
@@ -96,6 +90,7 @@ def _draw_figure(runs: Sequence[Result]) -> Figure:
 
 
 TEMPLATE = """\
+{% from "macros.html.j2" import stack %}
 <p>Critical intervals and cycles are predicted for the intermittent controller only; the table shows how each run ended. RMS is the root mean square over the second half of the run.</p>
 {% if motions %}<p class="screen">Crimson: the instant that the moving body shows. Click or drag in a panel to choose another.</p>
 {% endif %}
@@ -109,12 +104,7 @@ TEMPLATE = """\
 <div class="panel"{% if item.picture.linked %} data-linked="{{ item.picture.linked }}"{% endif %}>{{ item.picture|drawn }}</div>
 </div>
 <div class="wide"><table class="stack">
-<thead><tr><th scope="col">Plant</th><th scope="col">Control</th><th scope="col">The run …</th><th scope="col">Switches</th>{% for name in item.outputs %}<th scope="col">RMS {{ name }}</th>{% endfor %}</tr></thead>
-<tbody>
-{% for row in item.rows %}
-<tr><th scope="row">{{ row.plant }}</th><td data-label="Control">{{ row.kind }}</td><td data-label="The run …">{{ row.end }}</td><td data-label="Switches">{{ row.switches }}</td>{% for value in row.rms %}<td data-label="RMS {{ item.outputs[loop.index0] }}">{{ value }}</td>{% endfor %}</tr>
-{% endfor %}
-</tbody></table></div>
+{{ stack(["Plant", "Control", "The run …", "Switches"] + item.outputs, item.rows) }}
 <figcaption><b>Figure {{ next_figure() }}.</b> {{ item.title }}: outputs and inputs over time on each plant. Controller: {% for key, value in item.facts %}{{ key }} {{ value }}{{ "; " if not loop.last else "." }}{% endfor %}{% for notice in item.notices %} {{ notice }}{% endfor %}</figcaption>
 </figure>
 {% endfor %}

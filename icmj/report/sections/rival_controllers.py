@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -47,7 +47,11 @@ def compose(material: Material) -> Section | None:
         {
             "title": _of_group(group),
             "pictures": [material.draw(drawing) for drawing in _list_figures(group, number)],
-            "outputs": [f"{c.name} ({c.unit})".replace("deg", "°") for c in group[0].sway.coordinates],
+            "measures": [
+                measure
+                for c in group[0].sway.coordinates
+                for measure in (f"RMS {c.name} ({c.unit})".replace("deg", "°"), "Speed (1/s)", "Median (Hz)")
+            ],
             "rows": [_rival_row(n, rival) for n, rival in enumerate(group, 1)],
             "caption": _RIVALS,
         }
@@ -70,15 +74,12 @@ def _of_group(group: Sequence[Rival]) -> str:
     return f"One body under {', '.join(kinds[:-1])} and {kinds[-1]} control, {plant}"
 
 
-def _rival_row(number: int, rival: Rival) -> dict[str, Any]:
+def _rival_row(number: int, rival: Rival) -> list[str]:
     simulation = rival.run.simulation
     late = simulation.events.t[is_between(simulation.events.t, simulation.t[-1] / 2)]
-    return {
-        "name": f"{number}. {rival.name}",
-        "rate": numbers.number(len(late) / rival.sway.duration, 3),
-        "outcome": simulation.outcome.kind,
-        "measures": [tuple(numbers.number(c.number(key), 3) for key in BEST_KNOWN) for c in rival.sway.coordinates],
-    }
+    rate = numbers.number(len(late) / rival.sway.duration, 3)
+    measures = (numbers.number(c.number(key), 3) for c in rival.sway.coordinates for key in BEST_KNOWN)
+    return [f"{number}. {rival.name}", simulation.outcome.kind, rate, *measures]
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,18 +172,13 @@ def _rival_label(group: Sequence[Rival], n: int) -> str:
 
 
 TEMPLATE = """\
-{% from "macros.html.j2" import beside %}
+{% from "macros.html.j2" import beside, stack %}
 <p>Runs of the same actual plant under different controllers, measured in the same way over the second half of each run: root mean square about the mean (RMS), mean speed and median frequency of every output. Actions are the events of an intermittent controller and the switches of a switched one.</p>
 {% for item in c['items'] %}
 <figure class="law">
 {{ beside(item.title, item.pictures) }}
 <div class="wide"><table class="stack">
-<thead><tr><th scope="col">Controller</th><th scope="col">Run</th><th scope="col">Actions (1/s)</th>{% for name in item.outputs %}<th scope="col">RMS {{ name }}</th><th scope="col">Speed (1/s)</th><th scope="col">Median (Hz)</th>{% endfor %}</tr></thead>
-<tbody>
-{% for row in item.rows %}
-<tr><th scope="row">{{ row.name }}</th><td data-label="Run">{{ row.outcome }}</td><td data-label="Actions (1/s)">{{ row.rate }}</td>{% for rms, speed, median in row.measures %}<td data-label="RMS {{ item.outputs[loop.index0] }}">{{ rms }}</td><td data-label="Speed (1/s)">{{ speed }}</td><td data-label="Median (Hz)">{{ median }}</td>{% endfor %}</tr>
-{% endfor %}
-</tbody></table></div>
+{{ stack(["Controller", "Run", "Actions (1/s)"] + item.measures, item.rows) }}
 <figcaption><b>Figure {{ next_figure() }}.</b> {{ item.title }}. {{ item.caption }}</figcaption>
 </figure>
 {% endfor %}
