@@ -33,16 +33,10 @@ def compose(material: Material) -> Section | None:
 def _describe_motion(found: Attractor) -> str:
     """The motion in a few words."""
     measurement = found.measurement
-    match measurement.kind:
-        case "cycle":
-            events = "1 event" if measurement.p == 1 else f"{measurement.p} events"
-            return f"{'mirrored ' if measurement.mirrored else ''}cycle of {events}"
-        case "homoclinic":
-            return "intervals grow without bound"
-        case "growth":
-            return "grows without bound: a fall"
-        case kind:
-            return kind
+    if measurement.kind == "cycle":
+        return f"{'mirrored ' if measurement.mirrored else ''}cycle of {numbers.count(measurement.p or 0, 'event')}"
+    words = {"homoclinic": "intervals grow without bound", "growth": "grows without bound: a fall"}
+    return words.get(measurement.kind, measurement.kind)
 
 
 def _peak(found: Attractor, units: tuple[Quantity, ...]) -> str:

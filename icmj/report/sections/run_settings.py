@@ -115,10 +115,8 @@ def _fact(value: object) -> str:
 
 def _provenance(cases: Sequence[CaseRuns]) -> list[tuple[str, str]]:
     """Facts that all logs share once; others as the distinct values."""
-    keys: list[str] = []
     results = [result for case in cases for result in case.runs.values()]
-    for result in results:
-        keys.extend(key for key in result.provenance if key not in keys)
+    keys = dict.fromkeys(key for result in results for key in result.provenance)
     return [(key.replace("_", " "), _values(key, results)) for key in keys]
 
 

@@ -111,12 +111,8 @@ def _departures(case: CaseRuns) -> list[str]:
 def _notices(case: CaseRuns) -> list[str]:
     """Notices on plants and runs without repetition, with the plant where a notice does not hold for every run."""
     of = {plant: comparison.notices for plant, comparison in case.comparisons.items()}
-    every = list(dict.fromkeys(notice for notices in of.values() for notice in notices))
-    words = []
-    for notice in every:
-        where = [plant for plant, notices in of.items() if notice in notices]
-        words.append(notice_in_words(notice, "" if len(where) == len(of) else NAME[where[0]]))
-    return words
+    where = {notice: [plant for plant in of if notice in of[plant]] for notices in of.values() for notice in notices}
+    return [notice_in_words(notice, "" if len(at) == len(of) else NAME[at[0]]) for notice, at in where.items()]
 
 
 def _show_error(comparison: Comparison | None) -> str:
