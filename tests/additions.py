@@ -1190,9 +1190,7 @@ def add(place: Path, shelf: Shelf) -> None:
     entries.write_text(
         text.replace(last := f'        "{names_of(shelf)[-1]}",\n', f'{last}        "{shelf.name}",\n'), "utf-8"
     )
-    execute(place, shelf.works)
-    if shelf.refused:
-        execute(place, shelf.refused)
+    execute(place, shelf.works + shelf.refused)
 
 
 def take_away(place: Path, shelf: Shelf, names: Sequence[str]) -> None:

@@ -26,8 +26,6 @@ CONTINUOUS = SwitchingPD(BODY, "theta", "omega", P=0.8 * MGH, D=270.0, delay=DEL
 HOMOGENEOUS = SwitchingPD(BODY, "theta", "omega", P=0.25 * MGH, D=10.0, delay=DELAY, slope=-0.4)
 SWITCHING = replace(HOMOGENEOUS, dead_zone=0.004)
 
-NOTHING = np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(1, dtype=int)
-
 
 @dataclass(frozen=True, eq=False)
 class Tapped(Law):
