@@ -30,7 +30,6 @@ BROUGHT = {
         "pendulum.xml": OperatingRule(),
         "hopper.xml": OperatingRule("balance", pose={"waist": 0.2, "hip": -0.6, "knee": 1.2, "ankle": -0.6}),
         "walker.xml": BALANCE,
-        "humanoid.xml": BALANCE,
     },
 }
 FOLDERS = {"gymnasium": "envs/mujoco/assets", "dm_control": "suite"}
