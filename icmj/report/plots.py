@@ -22,7 +22,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from icmj.case.quantity import threshold_unit
 from icmj.case.result import Result
 from icmj.case.sweep_table import SweepTable
 from icmj.errors import ReportError
@@ -33,7 +32,7 @@ from icmj.report.axes.eigenvalues import draw_locus, draw_modulus, draw_scale
 from icmj.report.axes.hold_error import draw_hold_error
 from icmj.report.axes.inputs import acting_inputs, draw_acting
 from icmj.report.axes.intervals import draw_interval_errors, draw_intervals
-from icmj.report.axes.law import draw_law
+from icmj.report.axes.law import draw_law, find_law
 from icmj.report.axes.modes import draw_critical, draw_mode_errors, draw_norm, draw_others
 from icmj.report.axes.noise import draw_histogram, draw_spectrum
 from icmj.report.axes.outputs import draw_output
@@ -166,12 +165,11 @@ def spectrum(axes: Axes, *results: Result, output: int | str = 0, legend: bool =
 def amplitude_law(axes: Axes, *results: Result, legend: bool = True) -> Axes:
     """Differences from the linear prediction against the threshold, with the fitted slopes."""
     case = _case(results)
-    found = next((result for result in reversed(case.runs.values()) if result.law is not None), None)
-    if found is None or found.law is None:
+    if (found := find_law(case)) is None:
         raise ReportError(
             f"case {case.name!r} has no amplitude law; run it with --study, or see icmj.experiments.measure_law"
         )
-    return _draw(draw_law, axes, legend, found.law, threshold_unit(found))
+    return _draw(draw_law, axes, legend, *found)
 
 
 def acting(axes: Axes, *results: Result, input: int | str | None = None, legend: bool = True) -> Axes:

@@ -11,19 +11,21 @@ from icmj.case.result import AmplitudeLaw
 from icmj.controller.rules.box import BoxTrigger
 from icmj.controller.rules.quadratic import EventTrigger
 from icmj.report import style
-from icmj.report.sections.amplitude_law import draw_figure
+from icmj.report.case_runs import pair
+from icmj.report.sections.amplitude_law import list_drawings
 
 Q_T = np.array([1e-2, 1e-3, 1e-4])
 
 
-def with_law(law):
-    return replace(result("three-link", "mujoco"), law=law)
+def draw(law):
+    (drawing,) = list_drawings(*pair([replace(result("three-link", "mujoco"), law=law)]))
+    return drawing.draw()
 
 
 def test_points_lie_on_a_line_of_the_fitted_slope():
     law = AmplitudeLaw(Q_T, 2.3 * Q_T**2, -1.4 * Q_T**2, 2.0, 2.0)
     with style.apply():
-        axes = draw_figure(with_law(law)).axes[0]
+        axes = draw(law).axes[0]
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     assert axes.get_xlabel() == "threshold (rad)"
     for factor, label in ((2.3, "interval, slope 2.000"), (1.4, "amplitude, slope 2.000")):
@@ -36,7 +38,7 @@ def test_points_lie_on_a_line_of_the_fitted_slope():
 def test_zero_and_missing_errors_are_left_out():
     law = AmplitudeLaw(Q_T, np.array([1e-4, 0.0, np.nan]), np.full(3, np.nan), 2.0, np.nan)
     with style.apply():
-        lines = draw_figure(with_law(law)).axes[0].get_lines()
+        lines = draw(law).axes[0].get_lines()
     assert [len(item.get_xdata()) for item in lines] == [2, 1]
 
 

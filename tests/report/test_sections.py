@@ -299,7 +299,7 @@ def test_settings_keep_the_facts_of_each_plant_apart():
     linear, mujoco = context["precision"]
     assert (linear["plant"], mujoco["plant"]) == ("linear", "MuJoCo")
     assert mujoco["keys"] == ["integrator", "order", "timestep"]
-    assert mujoco["rows"][0]["facts"] == ["RK4", "4", "0.005"]
+    assert mujoco["rows"][0][1:-1] == ["RK4", "4", "0.005"]
     assert ("icmj", "0.1.0") in context["provenance"]
 
 
@@ -308,7 +308,7 @@ def test_errors_of_each_output_have_the_powers_of_ten_of_all_other_errors():
     facts = {"output_errors": "shank 3e-10, e2e-4 8.5e-10", "interval_error": 5.44e-10}
     found = replace(found, simulation=replace(found.simulation, precision=facts))
     (table,) = context_of("run_settings", pair([found]))["precision"]
-    said, one = (fact.replace("\N{NO-BREAK SPACE}", " ") for fact in table["rows"][0]["facts"])
+    said, one = (fact.replace("\N{NO-BREAK SPACE}", " ") for fact in table["rows"][0][1:-1])
     assert (said, one) == ("shank 3 × 10⁻¹⁰, e2e-4 8.5 × 10⁻¹⁰", "5.44 × 10⁻¹⁰")
 
 
@@ -319,7 +319,7 @@ def test_what_many_runs_share_is_said_once():
     found[1] = replace(found[1], simulation=replace(found[1].simulation, precision={"order": 4, "timestep": 0.002}))
     (table,) = context_of("run_settings", pair(found))["precision"]
     assert (table["keys"], table["shared"]) == (["integrator", "timestep"], "order 4")
-    assert table["rows"][1]["facts"] == ["–", "0.002"]
+    assert table["rows"][1][1:-1] == ["–", "0.002"]
 
 
 class Cone(EventRule):

@@ -6,11 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from icmj.case.quantity import in_unit
+from icmj.case.quantity import in_unit, threshold_unit
 from icmj.case.result import AmplitudeLaw
+from icmj.report.case_runs import CaseRuns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+def find_law(case: CaseRuns) -> tuple[AmplitudeLaw, str] | None:
+    """The law of a case, that of the plant drawn on top if both were measured, and the unit of its threshold."""
+    found = ((run.law, threshold_unit(run)) for run in reversed(case.runs.values()) if run.law is not None)
+    return next(found, None)
 
 
 def draw_law(axes: Axes, law: AmplitudeLaw, unit: str = "") -> None:

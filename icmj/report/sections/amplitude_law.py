@@ -2,43 +2,39 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from icmj.base import numbers
-from icmj.case.quantity import in_unit, threshold_unit
-from icmj.case.result import Result
-from icmj.report.axes.law import draw_law
+from icmj.case.quantity import in_unit
+from icmj.report.axes.law import draw_law, find_law
 from icmj.report.case_runs import CaseRuns
 from icmj.report.material import Material
 from icmj.report.panel import draw_alone
 from icmj.report.picture import Drawing
 from icmj.report.section import Section
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 def compose(material: Material) -> Section | None:
     """The amplitude law, or ``None`` where no log holds one."""
     items: list[dict[str, Any]] = []
     for case in material.cases:
-        result = _find_measured(case)
-        if result is not None and result.law is not None:
+        if (found := find_law(case)) is not None:
+            law, unit = found
+            each = zip(law.q_t, law.interval_error, law.amplitude_error, strict=True)
             items.append(
                 {
-                    "title": result.run.title,
-                    "threshold": in_unit("Threshold", threshold_unit(result)),
+                    "title": case.first.run.title,
+                    "threshold": in_unit("Threshold", unit),
                     "picture": material.show(*list_drawings(case)),
-                    "open": bool(np.isnan(result.law.interval_error).any()),
-                    "interval_slope": f"{result.law.interval_slope:.3f}",
-                    "amplitude_slope": f"{result.law.amplitude_slope:.3f}",
+                    "open": bool(np.isnan(law.interval_error).any()),
+                    "interval_slope": f"{law.interval_slope:.3f}",
+                    "amplitude_slope": f"{law.amplitude_slope:.3f}",
                     "rows": [
-                        [numbers.short(q), numbers.error(i, signed=False), numbers.error(a, signed=False)]
-                        for q, i, a in zip(
-                            result.law.q_t, result.law.interval_error, result.law.amplitude_error, strict=True
-                        )
+                        [numbers.short(q), *(numbers.error(error, signed=False) for error in errors)]
+                        for q, *errors in each
                     ],
                 }
             )
@@ -47,20 +43,10 @@ def compose(material: Material) -> Section | None:
 
 def list_drawings(case: CaseRuns) -> list[Drawing]:
     """The amplitude law, where it was measured."""
-    if (measured := _find_measured(case)) is None:
+    if (found := find_law(case)) is None:
         return []
-    return [Drawing(f"{case.name}_law", f"{case.first.run.title}, amplitude law", lambda: draw_figure(measured))]
-
-
-def _find_measured(case: CaseRuns) -> Result | None:
-    return next((result for result in reversed(case.runs.values()) if result.law is not None), None)
-
-
-def draw_figure(result: Result) -> Figure:
-    """The figure of :func:`draw_law`, of a result that has a law."""
-    law = result.law
-    assert law is not None
-    return draw_alone(lambda axes: draw_law(axes, law, threshold_unit(result)))
+    draw = partial(draw_alone, lambda axes: draw_law(axes, *found))
+    return [Drawing(f"{case.name}_law", f"{case.first.run.title}, amplitude law", draw)]
 
 
 TEMPLATE = """\

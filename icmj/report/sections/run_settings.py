@@ -85,23 +85,17 @@ def _precision(cases: Sequence[CaseRuns]) -> list[dict[str, Any]]:
         said = {key: {_fact(simulation.precision.get(key)) for _, simulation in runs} for key in keys}
         shared = {key: facts.pop() for key, facts in said.items() if len(runs) >= MANY and len(facts) == 1}
         keys = [key for key in keys if key not in shared]
-        rows: list[dict[str, Any]] = [
-            {
-                "title": case.first.run.title,
-                "outcome": simulation.outcome.kind,
-                "facts": [_fact(simulation.precision.get(key)) for key in keys],
-            }
-            for case, simulation in runs
-        ]
+        plain, rows = [key.replace("_", " ") for key in keys], []
+        for case, simulation in runs:
+            facts = [_fact(simulation.precision.get(key)) for key in keys]
+            if len(keys) > WIDE:  # what a page is not wide enough for, in words
+                pairs = zip(plain, facts, strict=True)
+                facts = ["; ".join(f"{key} {fact}" for key, fact in pairs if fact != numbers.MISSING)]
+            rows.append([case.first.run.title, *facts, simulation.outcome.kind])
         if rows:
             words = ", ".join(f"{key.replace('_', ' ')} {fact}" for key, fact in shared.items())
-            plain = [key.replace("_", " ") for key in keys]
-            if len(plain) > WIDE:  # what a page is not wide enough for, in words
-                for row in rows:
-                    pairs = zip(plain, row["facts"], strict=True)
-                    row["facts"] = ["; ".join(f"{key} {fact}" for key, fact in pairs if fact != numbers.MISSING)]
-                plain = ["integration"]
-            tables.append({"plant": name, "keys": plain, "rows": rows, "shared": words})
+            columns = ["integration"] if len(keys) > WIDE else plain
+            tables.append({"plant": name, "keys": columns, "rows": rows, "shared": words})
     return tables
 
 
@@ -128,6 +122,7 @@ def _values(key: str, results: Sequence[Result]) -> str:
 
 
 TEMPLATE = """\
+{% from "macros.html.j2" import stack %}
 <div class="wide"><table class="stack">
 <caption><b>Table {{ next_table() }}.</b> Settings, in SI units, angles in radians. Event rule: {{ "Q_t"|notation }}, weight of the hold error; {{ "q_t"|notation }}, threshold; {{ "Δ_min"|notation }}, shortest interval. LQ (linear-quadratic) weights: {{ "R_c"|notation }} of the input in the state feedback, {{ "R_o"|notation }} of the measurement noise in the observer. Event rule, initial state and duration were chosen for this study; the paper does not print them.</caption>
 <thead><tr><th scope="col">Case</th>{% for key in c.rule %}<th scope="col">{{ key|notation }}</th>{% endfor %}<th scope="col">Hold</th><th scope="col">Duration</th><th scope="col">Initial state</th><th scope="col">LQ weights</th></tr></thead>
@@ -142,12 +137,7 @@ TEMPLATE = """\
 {% for table in c.precision %}
 <div class="wide"><table class="stack">
 <caption><b>Table {{ next_table() }}.</b> Integration and outcome of each {{ table.plant }} run{% if table.shared %}; common to all: {{ table.shared }}{% endif %}. SI units.</caption>
-<thead><tr><th scope="col">Case</th>{% for key in table['keys'] %}<th scope="col">{{ key }}</th>{% endfor %}<th scope="col">outcome</th></tr></thead>
-<tbody>
-{% for row in table.rows %}
-<tr><th scope="row">{{ row.title }}</th>{% for fact in row.facts %}<td data-label="{{ table['keys'][loop.index0] }}">{{ fact }}</td>{% endfor %}<td data-label="outcome">{{ row.outcome }}</td></tr>
-{% endfor %}
-</tbody></table></div>
+{{ stack(["Case"] + table["keys"] + ["outcome"], table.rows) }}
 {% endfor %}
 {% if c.provenance %}
 <h3>Provenance</h3>
