@@ -10,16 +10,12 @@ import zipfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from icmj.base.files import open_file
 from icmj.base.text import one_line
-
-if TYPE_CHECKING:
-    pass
-
 
 _END = ".npy"
 _LARGEST = 1e9  # bytes of a file

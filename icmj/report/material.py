@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,10 +12,12 @@ from icmj.case.result import Result
 from icmj.case.sweep_table import SweepTable
 from icmj.report import style
 from icmj.report.case_runs import CaseRuns
-from icmj.report.picture import Drawing, Picture, name_file, save, show
+from icmj.report.picture import Drawing, Picture, name_file, save
 
 if TYPE_CHECKING:
     from icmj.cycle.branch import Branch
+
+_LINKED = re.compile(rb"<dc:description>([^<]*)<")
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,9 @@ class Material:
 
     def show(self, drawing: Drawing) -> Picture:
         """A figure of a case, which was drawn before."""
-        return show(self.folder, drawing)
+        svg = (self.folder / f"{drawing.name}.svg").read_bytes()
+        linked = _LINKED.search(svg)
+        return Picture(drawing.name, svg, drawing.alt, linked[1].decode() if linked else "")
 
     def draw(self, drawing: Drawing) -> Picture:
         """A figure that is drawn now."""

@@ -1,4 +1,4 @@
-"""A picture of a page: a figure that is drawn into a folder, as SVG and PDF, and shown from there."""
+"""A picture of a page: a figure that is drawn into a folder, as SVG and PDF, and what a page shows of it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,6 @@ from icmj.report import style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-_LINKED = re.compile(rb"<dc:description>([^<]*)<")
 
 
 @dataclass(frozen=True)
@@ -48,10 +45,3 @@ def save(figure: Figure, folder: Path, name: str) -> None:
     """A figure as SVG and PDF."""
     for kind in ("svg", "pdf"):
         (folder / f"{name}.{kind}").write_bytes(style.save(figure, kind))
-
-
-def show(folder: Path, drawing: Drawing) -> Picture:
-    """A figure that was drawn into ``folder``, for the page."""
-    svg = (folder / f"{drawing.name}.svg").read_bytes()
-    linked = _LINKED.search(svg)
-    return Picture(drawing.name, svg, drawing.alt, linked[1].decode() if linked else "")

@@ -33,9 +33,6 @@ def read(path: Path, source: BinaryIO, columns: Sequence[str], rate: float | Non
 
     try:
         refuse_fatal(path)
-    except ValueError as error:
-        raise DataError(f"not a Parquet file that can be read ({error})") from error
-    try:
         with pq.ParquetFile(source, pre_buffer=False, buffer_size=BUFFER) as file:
             every = list(file.schema_arrow)
             settled = f"icmj.{SETTLED}".encode() in (file.schema_arrow.metadata or {})
@@ -70,7 +67,7 @@ def read(path: Path, source: BinaryIO, columns: Sequence[str], rate: float | Non
                     known.append(column.cast(pa.string()))
                 count += len(batch)
             told = [(names[i], pa.chunked_array(known, pa.string())) for i, known in zip(texts, cells, strict=True)]
-    except (pa.ArrowException, OSError, IndexError) as error:
+    except (pa.ArrowException, OSError, IndexError, ValueError) as error:
         raise DataError(f"not a Parquet file that can be read ({one_line(error, 160)})") from error
     trials = choice.to_trials(data[:count], told)
     return tuple(replace(one, facts={**one.facts, SETTLED: ""}) for one in trials) if settled else trials
