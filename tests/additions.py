@@ -1006,7 +1006,8 @@ import re, sys, icmj
 import numpy as np
 from pathlib import Path
 from icmj.report.builder import build_report
-quiet = icmj.load_run("simple-0.8").with_(**{"simulation.duration": 12.0, "simulation.timestep": None})
+quiet = icmj.load_run("simple-0.8").with_(**{"simulation.duration": 12.0, "simulation.timestep": None,
+    "study.growth_points": 2, "study.attractor_starts": 2, "study.law_q_t": []})
 noisy = quiet.with_(**{"case.name": "noisy", "case.title": "Noisy", "simulation.disturbance": [
     {"kind": "gaussian", "output": "angle", "size": 3e-4, "interval": 0.01, "seed": 1}]})
 results = [icmj.run_case(run, "linear", study=run is quiet) for run in (quiet, noisy)]

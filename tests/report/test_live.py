@@ -56,6 +56,7 @@ needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here; 
 def small(monkeypatch):
     """Descriptions without a table over b and delay, which these tests do not read."""
     monkeypatch.setattr(live, "GAINS", (1.0, 1.0))
+    monkeypatch.setattr(live, "STEP", 1.0)
     monkeypatch.setattr(live, "DELAYS", (0.0, 0.1))
 
 
@@ -200,6 +201,7 @@ def test_every_shipped_case_agrees_or_is_refused_with_its_reason(small, root, tm
 def test_the_page_draws_the_eigenvalues_of_the_theory_and_outlines_from_any_side(tmp_path, monkeypatch):
     """φ(Δ_crit) has the eigenvalue λ; no point of an ellipsoid is outside its outline, and some are on it."""
     monkeypatch.setattr(live, "GAINS", (0.9, 0.9))
+    monkeypatch.setattr(live, "STEP", 0.1)
     monkeypatch.setattr(live, "DELAYS", (0.0, 0.1))
     theory = []
     for b, delay in ((0.9, 0.0), (0.9, 0.1), (1.1, 0.0), (1.1, 0.1)):
