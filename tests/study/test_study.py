@@ -62,11 +62,10 @@ print(json.dumps([to_json(compare(run_case(run, plant))) for run in runs for pla
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kernel", kernels()[:2])
-def test_the_summary_agrees_on_other_processors(summary, kernel):
+def test_the_summary_agrees_on_another_processor(summary):
     """To nine digits where the motion settled; what did not, or is driven by noise, is equal in law and left out."""
     names = sorted({name for name, _ in summary} - {"quiet-standing"})
-    other = {(r["case"], r["plant"]): r for r in json.loads(computed(RECORDS.format(names=names), kernel))}
+    other = {(r["case"], r["plant"]): r for r in json.loads(computed(RECORDS.format(names=names), kernels()[0]))}
     assert other.keys() == {key for key in summary if key[0] in names}
     compared = [key for key, record in summary.items() if key in other and record["measured"]["converged"]]
     assert {*compared} >= {(name, plant) for name in CYCLES for plant in ("linear", "mujoco")}
