@@ -13,9 +13,8 @@ import numpy as np
 
 from benchmarks.task import Task
 from icmj.engine.block import find_block
-from icmj.engine.extremes import POINTS
+from icmj.engine.extremes import find_extremes
 from icmj.engine.isolation import isolate_engine
-from icmj.engine.native.extremes import extremes
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
@@ -86,7 +85,7 @@ class PythonLoop:
                 dense.append(row)
                 if fired:
                     rows = np.array(dense)
-                    high, low = extremes(rows[:, 0], rows[:, 1:], POINTS)
+                    (high,), (low,) = find_extremes(rows[:, 0], rows[:, 1:], np.array([[0, len(rows) - 1]]))
                     peak, dense = max(high[0], -low[0]), dense[-1:]
                 E = E_1
         return np.array(times), peak

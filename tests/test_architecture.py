@@ -270,8 +270,8 @@ def test_there_is_one_event_loop() -> None:
     assert {name for name, through in entries.items() if through} == {
         "linear.pieces", "linear.stretches", "engine.steps", "engine.stretches",
     }  # fmt: skip
-    # the others visit states of a motion that is known, look for extremes in it, or evaluate sinusoids
-    others = {"engine.state", "engine.extremes", "simulation.waves"}
+    # the others visit states of a motion that is known, or evaluate sinusoids
+    others = {"engine.state", "simulation.waves"}
     assert {name for name, through in entries.items() if not through} <= others
 
 

@@ -67,7 +67,11 @@ class _Intermediate(JITCodeLibrary):
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class _IntermediateLowering(NativeLowering):
-    """numba's lowering without a function address: callers find the function by name in the library that they link."""
+    """numba's lowering without a function address: callers find the function by name in the library that they link.
+
+    It stays a function there unless it says otherwise: copies by the optimiser's own choice double what it has to
+    compile.
+    """
 
     _name = "intermediate_lowering"
 
@@ -77,6 +81,8 @@ class _IntermediateLowering(NativeLowering):
         super().run_pass(state)
         result = state["cr"]
         found = result.fndesc
+        if not state.flags.forceinline:
+            state.library.get_function(found.llvm_func_name).add_function_attribute("noinline")
         address = _dynfunc.make_function(found.lookup_module(), found.qualname, "", 0, result.env, (state.library,))
         state.targetctx.insert_user_function(address, found, [state.library])
         state["cr"] = result._replace(cfunc=address)

@@ -6,12 +6,16 @@ from numpy.polynomial import Polynomial
 
 from icmj import load_run, prepare
 from icmj.case.case import simulate as run_case
-from icmj.engine.extremes import POINTS, ExtremesTracker
-from icmj.engine.native.extremes import extremes
+from icmj.engine.extremes import ExtremesTracker, find_extremes
 
 
 def signal(t: np.ndarray) -> np.ndarray:
     return np.column_stack([np.sin(7 * t) * np.exp(-0.3 * t), np.cos(20 * t + 1) + t, np.exp(t)])
+
+
+def extremes(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    high, low = find_extremes(t, y, np.array([[0, len(t) - 1]]))
+    return high[0], low[0]
 
 
 def test_extremes_converge_at_sixth_order() -> None:
@@ -19,7 +23,7 @@ def test_extremes_converge_at_sixth_order() -> None:
     errors = []
     for steps in (65, 130, 260):
         t = np.append(np.arange(0, 1.3, 1.3 / steps), 1.3)
-        high, low = extremes(t, signal(t), POINTS)
+        high, low = extremes(t, signal(t))
         errors.append(max(np.abs(high - fine.max(axis=0)).max(), np.abs(low - fine.min(axis=0)).max()))
     assert errors[0] < 3e-5
     assert np.all(np.log2(np.array(errors[:-1]) / errors[1:]) > 5.5)
@@ -35,7 +39,7 @@ def test_extremes_of_polynomials_of_the_degree_are_exact_at_any_samples() -> Non
         curve = curve * Polynomial([3.0, 0.4, 0.2, 0.1])  # a quintic that turns once within
         turns = [float(root.real) for root in curve.deriv().roots() if root.imag == 0 and t[0] < root.real < t[-1]]
         values = curve(np.array([t[0], t[-1], *turns]))
-        high, low = extremes(t, curve(t)[:, None], POINTS)
+        high, low = extremes(t, curve(t)[:, None])
         np.testing.assert_allclose([high[0], low[0]], [values.max(), values.min()], atol=1e-12 * np.abs(values).max())
 
 
@@ -45,7 +49,7 @@ def test_few_samples_and_samples_on_top_of_each_other_are_taken_as_they_are() ->
         m = int(random.integers(1, 40))
         t = np.cumsum(random.choice([1e-13, 1e-3, 0.03, 0.03, 0.03], size=m))
         y = np.column_stack([np.sin(9 * t + random.normal()), np.cos(5 * t) * t])
-        high, low = extremes(t, y, POINTS)
+        high, low = extremes(t, y)
         assert (high >= y.max(axis=0)).all()
         assert (low <= y.min(axis=0)).all()
         assert (np.maximum(high - y.max(axis=0), y.min(axis=0) - low) < 0.05).all()
