@@ -71,10 +71,10 @@ def test_times_alone_are_told_to_say_nothing_of_amplitude_and_shape() -> None:
 
 @pytest.mark.slow
 def test_true_motions_with_errors_of_times_and_readings_pass_as_often_as_is_said() -> None:
-    """Twenty motions, from samples and from events with outputs: probabilities are even, and intervals cover."""
+    """Forty motions, from samples and from events with outputs: probabilities are even, and intervals cover."""
     random, t = np.random.default_rng(3), np.arange(20, 60, 0.04)
     probabilities, covered = [], 0
-    for b in random.uniform(0.8, 1.2, 20):
+    for b in random.uniform(0.8, 1.2, 40):
         run = motion(float(b), **{"simulation.duration": 60.0})
         timing, reading = 0.01, 3e-4
         y = sampled(run, t + timing * random.standard_normal(len(t)))
@@ -87,9 +87,9 @@ def test_true_motions_with_errors_of_times_and_readings_pass_as_often_as_is_said
             assert found.probability is not None, (b, found.words)
             probabilities.append(found.probability)
             covered += found.holds(float(b))
-    assert sum(p < LEVEL for p in probabilities) <= 1
+    assert sum(p < LEVEL for p in probabilities) <= 2
     assert kstest(probabilities, "uniform").pvalue > 0.01
-    assert covered >= 35  # of 40 intervals of 95 % fewer hold the truth in 1 of 70 draws
+    assert covered >= 74
 
 
 def test_errors_beyond_those_allowed_refuse_a_motion_and_larger_ones_allowed_take_it() -> None:
