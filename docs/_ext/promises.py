@@ -29,7 +29,8 @@ def list_broken(gallery: Path) -> Iterator[str]:
     """Pages of a gallery that show what an example printed, but not what it is to find."""
     for name, words in PROMISED.items():
         page = (gallery / f"{name}.rst").read_text(encoding="utf-8")
-        if "sphx-glr-script-out" in page and words not in page:
+        # an example that misses a library says so: not every Python has all of them
+        if "sphx-glr-script-out" in page and words not in page and "is not installed" not in page:
             yield f"examples/{name}.py does not print {words!r}"
 
 
