@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from sphinx.application import Sphinx
-from sphinx.util import logging
+if TYPE_CHECKING:  # what it lists is tested where Sphinx is not installed
+    from sphinx.application import Sphinx
 
 PROMISED = {
     "attraction": "the one before times 0.731",
@@ -36,6 +37,8 @@ def list_broken(gallery: Path) -> Iterator[str]:
 
 def warn(app: Sphinx) -> None:
     """A warning for each."""
+    from sphinx.util import logging
+
     for words in list_broken(Path(app.srcdir) / "gallery"):
         logging.getLogger(__name__).warning(words)
 
