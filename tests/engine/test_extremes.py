@@ -65,11 +65,13 @@ def test_a_jump_at_an_event_cuts_nothing_whatever_its_last_bit() -> None:
         assert tracker.result()[0][0, 0] == pytest.approx(1.0, abs=1e-10)
 
 
-def test_tracker_splits_at_events_and_edges_whatever_the_chunks() -> None:
+def test_tracker_splits_at_events_and_edges_whatever_the_chunks(monkeypatch) -> None:
+    """And whether it looks at all of them in the end, or at what is complete on the way."""
     t = np.linspace(0, 4, 401)
     y = np.column_stack([np.sin(3 * t), np.abs(t - 1.0)])  # a kink at 1 s, which an edge announces
     results = []
-    for size in (7, 100, 400):
+    for size, many in ((7, 20_000), (100, 20_000), (400, 20_000), (7, 30), (100, 30)):
+        monkeypatch.setattr("icmj.engine.extremes.MANY", many)
         tracker = ExtremesTracker(t[0], y[0], lambda start, end: np.array([1.0])[[start < 1.0 < end]])
         for start in range(1, 401, size):
             part = slice(start, start + size)
