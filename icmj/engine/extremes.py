@@ -106,7 +106,7 @@ class ExtremesTracker:
         self._y.append(y)
         self._ends.append(np.asarray(event_at, dtype=int) + self._count)
         self._count += len(t)
-        if self._count > MANY:
+        if self._count > MANY and len(event_at):
             self._settle()
 
     def _settle(self) -> None:

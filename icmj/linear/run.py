@@ -195,7 +195,7 @@ def _tell(
     """
     beside, u = acting.disturbance, more["u"]
 
-    def applied(t: Array, u: Array) -> Array:
+    def apply(t: Array, u: Array) -> Array:
         """The input that acts at these times right before a row; of no width if it is that of the commands alone."""
         return beside.beside(t, u) + u if len(beside) else u[:, :0]
 
@@ -214,7 +214,7 @@ def _tell(
             "step": series[1],
             "series_terms": series[2],
         },
-        leads=keep_leads(leads[0], applied, acting, leads[1]),
+        leads=keep_leads(leads[0], apply, acting, leads[1]),
         **more,
     )
 
